@@ -1,0 +1,1 @@
+"""Effects: one file each, found by being there."""

@@ -1,0 +1,80 @@
+"""The contract of an effect: its parameters, and what it may know of the scene and of a capture."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+STAGES = ("scene", "lens", "shutter", "sensor", "processing")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of an effect.
+
+    unit     as in ``px``, ``deg``, ``m``, ``dn`` (grey levels of 8 bits) or ``1``
+    lower, upper  bounds of what is physically sensible
+    null     the value at which the effect does nothing
+    starts   values from which a fit starts; several for even parameters and where fits stick
+    matters  the smallest departure from null that is worth naming
+    doc      what it is, in one sentence
+    """
+
+    unit: str
+    lower: float
+    upper: float
+    null: float
+    starts: tuple
+    matters: float
+    doc: str
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What Blender renders: plates on the ground, their radiances, the light.
+
+    plates       list of rig.plates.Plate
+    white, black, ground, background  linear radiances under the nominal light
+    light        None (even), or a dict ``{"gradient_x", "gradient_y"}`` in 1/m: radiance times 1 + gx x + gy (y - 1 m)
+    highlight    None, or a dict of a glossy lamp: ``{"x_m", "y_m", "height_m", "strength", "roughness"}``
+    ink_spread_m outward move of the boundaries of black, metres
+    T_cam_mount  4 x 4; the camera's true pose is ``T_cam_mount @ T_cam_world``
+    """
+
+    plates: tuple
+    white: float
+    black: float
+    ground: float
+    background: float
+    light: dict | None = None
+    highlight: dict | None = None
+    ink_spread_m: float = 0.0
+    T_cam_mount: np.ndarray = field(default_factory=lambda: np.eye(4))
+
+    def with_(self, **changes):
+        """Return a copy with some fields changed."""
+        return replace(self, **changes)
+
+
+@dataclass(frozen=True)
+class View:
+    """What an effect may know of one capture besides its pixels.
+
+    K            3 x 3 intrinsics of the ideal pinhole, pixels; (0, 0) is the centre of the frame's top-left pixel
+    width, height  of the frame, pixels
+    margin       overscan on each side, pixels: array index = pixel + margin
+    T_cam_world  4 x 4 pose that was rendered
+    camera, capture, station  names, for seeds
+    exposure     scale from radiance to linear image value
+    encoding     ``srgb`` or ``linear``
+    """
+
+    K: np.ndarray
+    width: int
+    height: int
+    margin: int
+    T_cam_world: np.ndarray
+    camera: str
+    capture: str
+    station: str
+    exposure: float = 1.0
+    encoding: str = "srgb"

@@ -1,0 +1,106 @@
+"""Printed plates as grids of black and white cells: what Blender builds, what is synthesised, what is fitted.
+
+A marker is a plate; a whole calibration board is one plate as well.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from rig.geometry import make_pose, transform
+
+BOARD_MARGIN_SQUARES = 0.5  # white paper round a board, in squares: boards do not state their margin
+
+
+@dataclass(frozen=True)
+class Plate:
+    """A flat print: a grid of rectangular cells, each black or white.
+
+    name          e.g. ``DICT_5X5_1000/3`` or ``board``
+    T_world_plate 4 x 4 pose of the plate (x right, y up, z out of the paper), origin at its centre
+    x_m, y_m      increasing cell boundaries in metres, shapes (nx+1,), (ny+1,)
+    white         bool (ny, nx); row 0 is the *lowest* y
+    """
+
+    name: str
+    T_world_plate: np.ndarray
+    x_m: np.ndarray
+    y_m: np.ndarray
+    white: np.ndarray
+
+    def grid_world(self):
+        """Return the world positions of all grid points, shape (ny+1, nx+1, 3)."""
+        x, y = np.meshgrid(self.x_m, self.y_m)
+        return transform(self.T_world_plate, np.stack([x, y, np.zeros_like(x)], axis=-1))
+
+    def outline_world(self):
+        """Return the plate's four outer corners (4, 3): top left, top right, bottom right, bottom left."""
+        g = self.grid_world()
+        return np.stack([g[-1, 0], g[-1, -1], g[0, -1], g[0, 0]])
+
+
+def aruco_dictionary(name):
+    """Return OpenCV's predefined dictionary of that name, such as ``DICT_5X5_1000``.
+
+    Raises ValueError for an unknown name.
+    """
+    if not name.startswith("DICT_") or not hasattr(cv2.aruco, name):
+        raise ValueError(f"unknown dictionary {name!r}")
+    return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
+
+
+def code_cells(dictionary, marker_id):
+    """Return the code's modules, black border included: bool (n, n), True is white, row 0 is the top."""
+    d = aruco_dictionary(dictionary)
+    n = d.markerSize + 2
+    return d.generateImageMarker(int(marker_id), n, borderBits=1) > 127
+
+
+def marker_corners_plate(code_m):
+    """Return the black frame's outer corners (4, 3) in the plate's frame, in OpenCV's order."""
+    h = code_m / 2
+    return np.array([[-h, h, 0], [h, h, 0], [h, -h, 0], [-h, -h, 0]])
+
+
+def marker_corners_world(marker):
+    """Return the four outer corners (4, 3) in the world of a row of the markers' table."""
+    T = make_pose([marker.rx, marker.ry, marker.rz], [marker.x, marker.y, marker.z])
+    return transform(T, marker_corners_plate(marker.code_m))
+
+
+def marker_plate(marker):
+    """Return the Plate of a row of the markers' table (dictionary, id, code_m, plate_m, x..z, rx..rz)."""
+    cells = code_cells(marker.dictionary, marker.id)
+    n = len(cells)
+    code = np.linspace(-marker.code_m / 2, marker.code_m / 2, n + 1)
+    half = marker.plate_m / 2
+    lines = np.concatenate([[-half], code, [half]])
+    white = np.ones((n + 2, n + 2), bool)
+    white[1:-1, 1:-1] = cells[::-1]
+    T = make_pose([marker.rx, marker.ry, marker.rz], [marker.x, marker.y, marker.z])
+    return Plate(f"{marker.dictionary}/{int(marker.id)}", T, lines, lines, white)
+
+
+def board_plate(rectangles, squares_x, squares_y, square_m):
+    """Return the Plate of a board drawn as black rectangles on white paper.
+
+    rectangles  (n, 5) array of x0, y0, x1, y1 in metres (y up, origin at the board's lower left corner) and
+                1 for white or 0 for black, painted in order
+    """
+    margin = BOARD_MARGIN_SQUARES * square_m
+    width, height = squares_x * square_m, squares_y * square_m
+
+    def boundaries(values, size):
+        values = np.sort(np.concatenate([values, [-margin, 0, size, size + margin]]))
+        return values[np.concatenate([[True], np.diff(values) > 1e-9])]
+
+    x = boundaries(rectangles[:, [0, 2]].ravel(), width)
+    y = boundaries(rectangles[:, [1, 3]].ravel(), height)
+    xc, yc = (x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2
+    white = np.ones((len(yc), len(xc)), bool)
+    for x0, y0, x1, y1, is_white in rectangles:
+        inside = ((yc > y0) & (yc < y1))[:, None] & ((xc > x0) & (xc < x1))[None, :]
+        white[inside] = bool(is_white)
+    T = make_pose([0, 0, 0], [0, 0, 0])
+    return Plate("board", T, x, y, white)
