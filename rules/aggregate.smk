@@ -1,0 +1,57 @@
+"""Aggregate: cells of every camera, detector, capture and marker; Tables 1 and 2 from them.
+
+Needs: the expand tables, registered poses (none without photographs), detections. Makes: aggregate/, tables/table1, table2.
+"""
+
+
+rule aggregate_detections:
+    input:
+        markers=f"{RESULTS}/expand/markers.csv",
+        cameras=f"{RESULTS}/expand/cameras.csv",
+        stations=f"{RESULTS}/expand/stations.csv",
+        captures=f"{RESULTS}/expand/captures.csv",
+        register=expand(f"{RESULTS}/register/{{camera}}.csv", camera=CAMERAS),
+        register_json=expand(f"{RESULTS}/register/{{camera}}.json", camera=CAMERAS),
+        detections=expand(
+            f"{RESULTS}/detect/{{camera}}/{{detector}}.csv",
+            camera=CAMERAS,
+            detector=DETECTORS,
+        ),
+        code=modules("job.py", "rig/geometry.py", "rig/metrics.py", "rig/plates.py"),
+    output:
+        cells=f"{RESULTS}/aggregate/cells.parquet",
+        false_ids=f"{RESULTS}/aggregate/false_ids.parquet",
+    log:
+        f"{RESULTS}/logs/aggregate_detections.log",
+    conda:
+        "../envs/twingap.yaml"
+    params:
+        pins=locked("numpy", "scipy", "pandas", "pyarrow"),
+    message:
+        "Counting what was found of what was there"
+    script:
+        "../scripts/aggregate_detections.py"
+
+
+rule make_tables:
+    input:
+        cells=f"{RESULTS}/aggregate/cells.parquet",
+        false_ids=f"{RESULTS}/aggregate/false_ids.parquet",
+        scene=f"{RESULTS}/expand/scene.json",
+        code=modules("job.py", "rig/metrics.py"),
+    output:
+        expand(
+            f"{RESULTS}/tables/{{table}}.{{suffix}}",
+            table=["table1", "table2"],
+            suffix=["csv", "md", "tex"],
+        ),
+    log:
+        f"{RESULTS}/logs/make_tables.log",
+    conda:
+        "../envs/twingap.yaml"
+    params:
+        pins=locked("numpy", "scipy", "pandas"),
+    message:
+        "Writing Tables 1 and 2"
+    script:
+        "../scripts/make_tables.py"
