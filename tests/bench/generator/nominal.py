@@ -1,0 +1,102 @@
+"""The nominal rig: cameras, stations, plates and the bits printed on them, as the campaign format states them."""
+
+import hashlib
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+REFLECTANCE = {"white": 0.8, "black": 0.05, "ground": 0.35, "background": 0.3}
+NOISE_DN = 1.0
+TOLERANCE_POSITION_M = 0.002
+TOLERANCE_ANGLE_DEG = 0.2
+TILTS_DEG = (20, 45)
+TRIALS = 2
+MODULES = 7
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A nominal pinhole: ``width``, ``height``, ``fx`` (= fy), ``cx``, ``cy`` in pixels."""
+
+    name: str
+    width: int
+    height: int
+    fx: float
+
+    @property
+    def cx(self):
+        return (self.width - 1) / 2
+
+    @property
+    def cy(self):
+        return (self.height - 1) / 2
+
+    @property
+    def corner_px(self):
+        """Distance in pixels from the centre to the centre of a corner pixel."""
+        return float(np.hypot(self.cx, self.cy))
+
+
+CAMERAS = {
+    "standard": [
+        Camera("hp325", 960, 540, 739.0),
+        Camera("brio", 960, 540, 550.75),
+        Camera("quest3", 826, 883, 507.2),
+    ],
+    "small": [Camera("hp325", 768, 432, 591.2), Camera("brio", 768, 432, 440.6)],
+    "tiny": [Camera("hp325", 384, 216, 295.6)],
+}
+HEIGHTS_M = {"standard": (0.3, 0.5, 0.7, 0.9, 1.1), "small": (0.3, 0.7), "tiny": (0.5,)}
+
+
+def seed_of(*names):
+    """Return a 64-bit seed that depends on the names alone."""
+    return int.from_bytes(hashlib.blake2b("/".join(map(str, names)).encode(), digest_size=8).digest(), "big")
+
+
+def rng_of(*names):
+    """Return a generator of random numbers seeded by the names alone."""
+    return np.random.default_rng(seed_of(*names))
+
+
+def markers():
+    """Return the 40 plates of the rail as dicts: dictionary, id, code_m, plate_m, x, y (metres)."""
+    rows = []
+    for dictionary, x_even, x_odd in (("DICT_5X5_1000", -0.36, 0.12), ("DICT_ARUCO_ORIGINAL", 0.36, -0.12)):
+        for i in range(20):
+            x = x_odd if i % 2 else x_even
+            rows.append(
+                {"dictionary": dictionary, "id": i, "code_m": 0.07, "plate_m": 0.1, "x": x, "y": (i + 1) / 10}
+            )
+    return rows
+
+
+def black_modules(dictionary, number):
+    """Return the 7 x 7 modules of a code, row 0 at the top; 1 is black.
+
+    Read from OpenCV's byte list: the four rotations one after the other, whatever its shape says; eight bits a byte, most
+    significant first, the rest in the last byte's low bits.
+    """
+    table = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
+    side = table.markerSize
+    packed = table.bytesList[number].ravel()[: (side * side + 7) // 8]
+    bits, left = [], side * side
+    for byte in packed:
+        n = min(8, left)
+        bits += [(int(byte) >> k) & 1 for k in range(n - 1, -1, -1)]
+        left -= n
+    black = np.ones((side + 2, side + 2), np.uint8)
+    black[1:-1, 1:-1] = 1 - np.array(bits[: side * side], np.uint8).reshape(side, side)
+    return black
+
+
+def station_rotation(tilt_deg):
+    """Return R_cam_world (3, 3) of a station: camera x right, y down, z forward, the axis ``tilt_deg`` below level."""
+    c, s = np.cos(np.radians(tilt_deg)), np.sin(np.radians(tilt_deg))
+    return np.array([[1.0, 0.0, 0.0], [0.0, -s, -c], [0.0, c, -s]])
+
+
+def stations(size):
+    """Return the (height_m, tilt_deg) of a campaign of that size, in the captures' order."""
+    return [(h, t) for h in HEIGHTS_M[size] for t in TILTS_DEG]
