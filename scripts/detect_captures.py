@@ -1,0 +1,117 @@
+"""Detect: one detector on the real captures and the twin images of one camera, with both poses of each marker."""
+
+import json
+import logging
+import time
+from pathlib import Path
+
+import job
+import pandas as pd
+from detect_markers import CORNERS, read_image
+from detectors import contract
+from rig.errors import InputError
+from rig.geometry import camera_matrix
+
+log = logging.getLogger("twingap")
+
+POSE = ["rx", "ry", "rz", "tx", "ty", "tz"]
+ALT = [f"{name}_alt" for name in POSE]
+COLUMNS = ["source", "capture", "dictionary", "id", *CORNERS, *POSE, "reproj_px", *ALT, "reproj_alt_px"]
+PROGRESS_S = 10  # seconds between two lines of progress
+
+
+def images_of(camera, captures, campaign, twin_folder):
+    """Return (source, capture, path) of all images of a camera, real before twin, each sorted by capture."""
+    mine = captures[captures.camera == camera].sort_values("capture")
+    real = [("real", c.capture, Path(campaign) / c.image) for c in mine.itertuples()]
+    twin = [("twin", path.stem, path) for path in sorted(Path(twin_folder).glob("*.png"))]
+    return real + twin
+
+
+def pose_columns(corners, code_m, K):
+    """Return the values of POSE, reproj_px, ALT, reproj_alt_px; None where there is no pose or no known size."""
+    poses = contract.estimate_poses(corners, code_m, K) if code_m and K is not None else []
+    values = []
+    for k in range(2):
+        values += [*poses[k][0], *poses[k][1], poses[k][2]] if k < len(poses) else [None] * 7
+    return values
+
+
+def detect_image(detector, image, code_of, K):
+    """Return (rows without source and capture, milliseconds) of one image."""
+    start = time.perf_counter()
+    found = detector.detect(image)
+    ms = 1000 * (time.perf_counter() - start)
+    rows = [
+        [d.dictionary, d.id, *d.corners.ravel(), *pose_columns(d.corners, code_of.get((d.dictionary, d.id)), K)]
+        for d in found
+    ]
+    return rows, ms
+
+
+def detect_all(detector, images, code_of, K):
+    """Return (detections, timing) tables of (source, capture, path) triples."""
+    rows, timing = [], []
+    shown = time.monotonic()
+    for number, (source, capture, path) in enumerate(images):
+        image = read_image(path)
+        if number == 0:
+            detector.detect(image)  # untimed: compilation and first touch of memory are no property of an image
+        found, ms = detect_image(detector, image, code_of, K)
+        rows += [[source, capture, *row] for row in found]
+        timing.append([source, capture, round(ms, 3)])
+        if time.monotonic() - shown > PROGRESS_S:
+            shown = time.monotonic()
+            log.info("%d of %d images", number + 1, len(images))
+    detections = pd.DataFrame(rows, columns=COLUMNS)
+    detections = detections.sort_values(["source", "capture", "dictionary", "id", *CORNERS], kind="stable")
+    return detections, pd.DataFrame(timing, columns=["source", "capture", "ms"])
+
+
+def nominal_camera(register_json):
+    """Return the 3 x 3 intrinsics of the ideal twin, or None where they are unknown."""
+    values = json.loads(Path(register_json).read_text())
+    four = [values.get(name) for name in ("fx", "fy", "cx", "cy")]
+    return None if any(v is None for v in four) else camera_matrix(*four)
+
+
+def detect_captures(
+    camera, detector, parameters, dictionaries, campaign, captures, markers, register, twin, out, timing
+):
+    """Write the detections and the timing of one detector and camera.
+
+    parameters    dict of the detector's parameters that differ from its defaults
+    dictionaries  OpenCV's names; empty: those of the markers' table, else both of the paper
+    campaign      folder that the images are relative to; None without photographs
+    captures, markers, register, twin  expand/captures.csv, expand/markers.csv, register/CAMERA.json, twin/CAMERA
+    """
+    rig = pd.read_csv(markers)
+    code_of = {(m.dictionary, m.id): m.code_m for m in rig.itertuples()}
+    dictionaries = dictionaries or sorted(set(rig.dictionary)) or contract.DEFAULT_DICTIONARIES
+    finder = contract.make(detector, dictionaries, parameters, where=f"config: detectors.{detector}")
+    images = images_of(camera, pd.read_csv(captures), campaign or ".", twin)
+    if not images:
+        raise InputError(f"{captures}: camera {camera} has no capture, and {twin} no twin image")
+    found, milliseconds = detect_all(finder, images, code_of, nominal_camera(register))
+    for table, path in ((found, out), (milliseconds, timing)):
+        with job.write_atomically(path) as file:
+            table.to_csv(file, index=False, lineterminator="\n")
+    log.info("%s, %s: %d markers in %d images", camera, detector, len(found), len(images))
+
+
+if __name__ == "__main__":
+    job.run(
+        detect_captures,
+        snakemake,
+        camera=snakemake.wildcards.camera,
+        detector=snakemake.wildcards.detector,
+        parameters=snakemake.params.parameters,
+        dictionaries=snakemake.params.dictionaries,
+        campaign=snakemake.params.campaign,
+        captures=snakemake.input.captures,
+        markers=snakemake.input.markers,
+        register=snakemake.input.register,
+        twin=snakemake.input.twin,
+        out=snakemake.output.detections,
+        timing=snakemake.output.timing,
+    )

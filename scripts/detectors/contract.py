@@ -1,0 +1,136 @@
+"""What a detector is, which there are, and what all of them share: parameters, image check, poses.
+
+A detector is a module or package in this folder with ``PARAMETERS`` (dict of defaults) and
+``make_detector(dictionaries, **parameters)``, whose result has ``detect(image) -> list[Detection]``.
+Names that begin with ``_`` and this file are no detectors.
+"""
+
+import importlib
+import pkgutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from rig.errors import InputError
+from rig.plates import aruco_dictionary, marker_corners_plate
+
+DEFAULT_DICTIONARIES = ("DICT_5X5_1000", "DICT_ARUCO_ORIGINAL")
+
+
+@dataclass(frozen=True, eq=False)
+class Detection:
+    """One marker in one image.
+
+    dictionary  OpenCV's name, such as ``DICT_5X5_1000``
+    id          int
+    corners     float64 (4, 2), pixels: the black frame's outer corners, top left, top right, bottom right,
+                bottom left of the marker; the centre of the top-left pixel is (0, 0)
+    """
+
+    dictionary: str
+    id: int
+    corners: np.ndarray
+
+
+def available():
+    """Return the sorted names of the detectors in this folder."""
+    names = (m.name for m in pkgutil.iter_modules([str(Path(__file__).parent)]))
+    return sorted(n for n in names if not n.startswith("_") and n != "contract")
+
+
+def load(name):
+    """Return the detector's module; InputError where there is none, or where it lacks a package it needs."""
+    if name not in available():
+        raise InputError(f"unknown detector {name!r}; allowed are {', '.join(available())}")
+    return importlib.import_module(f"detectors.{name}")
+
+
+def check_parameters(name, parameters, where="parameters"):
+    """Return the detector's defaults updated by ``parameters``.
+
+    where  the file or key that the parameters come from, for the message
+    Raises InputError for a name that the detector does not know and for a value of another kind.
+    """
+    defaults = load(name).PARAMETERS
+    for key, value in (parameters or {}).items():
+        if key not in defaults:
+            allowed = ", ".join(sorted(defaults)) or "none"
+            raise InputError(f"{where}: detector {name} has no parameter {key!r}; allowed are {allowed}")
+        if defaults[key] is not None and not _same_kind(value, defaults[key]):
+            wanted = type(defaults[key]).__name__
+            raise InputError(f"{where}: {name}.{key} is {value!r}; wanted is {wanted}, as in {defaults[key]!r}")
+    return {**defaults, **(parameters or {})}
+
+
+def _same_kind(value, default):
+    if isinstance(default, bool) or isinstance(value, bool):
+        return isinstance(value, bool) and isinstance(default, bool)
+    if isinstance(default, float):
+        return isinstance(value, int | float) and bool(np.isfinite(value))
+    return isinstance(value, type(default))
+
+
+def make(name, dictionaries=DEFAULT_DICTIONARIES, parameters=None, where="parameters"):
+    """Return a detector for these dictionaries; raises InputError for an unknown name, dictionary or parameter."""
+    for dictionary in dictionaries:
+        try:
+            aruco_dictionary(dictionary)
+        except ValueError as error:
+            raise InputError(f"{where}: {error}; allowed are OpenCV's names, such as DICT_5X5_1000") from None
+    parameters = check_parameters(name, parameters, where)
+    try:
+        return load(name).make_detector(tuple(dictionaries), **parameters)
+    except ValueError as error:
+        raise InputError(f"{where}: detector {name}: {error}") from None
+
+
+def grey_image(image):
+    """Return the image as contiguous uint8 (rows, columns).
+
+    Accepts uint8 and uint16 (full range, scaled to 8 bits), grey, BGR or BGRA, with any strides.
+    Raises ValueError for an empty image, another shape, and other types: the range of floats is unknown.
+    """
+    if not isinstance(image, np.ndarray):
+        raise ValueError(f"an image is a numpy array, not {type(image).__name__}")
+    if image.dtype not in (np.uint8, np.uint16):
+        raise ValueError(f"an image has 8 or 16 bits unsigned, not {image.dtype}")
+    if image.ndim == 3 and image.shape[2] == 1:
+        image = image[:, :, 0]
+    if image.ndim != 2 and not (image.ndim == 3 and image.shape[2] in (3, 4)):
+        raise ValueError(f"an image is grey, BGR or BGRA, not of shape {image.shape}")
+    if image.size == 0:
+        raise ValueError(f"the image is empty: shape {image.shape}")
+    if image.dtype == np.uint16:
+        image = ((image.astype(np.uint32) + 128) // 257).astype(np.uint8)
+    image = np.ascontiguousarray(image)
+    if image.ndim == 3:
+        code = cv2.COLOR_BGR2GRAY if image.shape[2] == 3 else cv2.COLOR_BGRA2GRAY
+        image = cv2.cvtColor(image, code)
+    return image
+
+
+def estimate_poses(corners, code_m, K, dist=None):
+    """Return both poses of a square marker, the better first: a list of (rvec, tvec, reprojection RMS in pixels).
+
+    corners  (4, 2) pixels, code_m side of the black frame in metres, K 3 x 3, dist OpenCV's coefficients.
+    Poses are ``T_cam_marker`` (radians, metres). Infinitesimal plane-based pose estimation (Collins and Bartoli
+    2014, OpenCV's SOLVEPNP_IPPE_SQUARE). Empty where the corners allow no pose.
+    """
+    corners = np.asarray(corners, float).reshape(4, 1, 2)
+    if not (np.isfinite(corners).all() and code_m > 0):
+        return []
+    square = marker_corners_plate(code_m)
+    try:
+        n, rvecs, tvecs, _ = cv2.solvePnPGeneric(
+            square, corners, np.asarray(K, float), dist, flags=cv2.SOLVEPNP_IPPE_SQUARE
+        )
+    except cv2.error:
+        return []
+    poses = []
+    for rvec, tvec in zip(rvecs[:n], tvecs[:n], strict=True):
+        back = cv2.projectPoints(square, rvec, tvec, np.asarray(K, float), dist)[0]
+        rms = float(np.sqrt(np.mean(np.sum((back - corners) ** 2, axis=2))))
+        if np.isfinite(rms) and tvec[2, 0] > 0:
+            poses.append((rvec.ravel(), tvec.ravel(), rms))
+    return sorted(poses, key=lambda pose: pose[2])
