@@ -45,6 +45,7 @@ rule make_tables:
             table=["table1", "table2"],
             suffix=["csv", "md", "tex"],
         ),
+        f"{RESULTS}/tables/headlines.json",
     log:
         f"{RESULTS}/logs/make_tables.log",
     conda:

@@ -208,8 +208,46 @@ def notes_of(table, origin):
     return notes
 
 
+def headline(row):
+    """Return what a row of Table 1 says, in words made from its numbers."""
+    if row.n_markers == 0:
+        return f"{row.camera}: no marker lay wholly in any picture."
+    if pd.isna(row.coverage_pct):
+        return (
+            f"{row.camera}: the twin lets {row.algorithm} find {row.coverage_twin_pct:.1f} % of "
+            f"{row.n_markers} markers; there are no photographs to compare with."
+        )
+    words = (
+        f"{row.camera}: of {row.n_markers} markers in the pictures, {row.algorithm} finds "
+        f"{row.coverage_pct:.1f} % in the real images and {row.coverage_twin_pct:.1f} % in the twin's. "
+        f"The twin misses {row.n_real - row.n_both} that the real images have and has "
+        f"{row.n_twin - row.n_both} that they miss"
+    )
+    words += f" (kappa {row.kappa:.2f})." if pd.notna(row.kappa) else "."
+    if row.n_pairs == 0:
+        return f"{words} No marker was found by both, so there is no pose to compare."
+    if pd.notna(row.delta_distance_cm):
+        words += (
+            f" Where both find a marker, its distances differ by {row.delta_distance_cm:.1f} cm and "
+            f"its poses by {row.delta_rotation_deg:.1f}° on average"
+        )
+    else:
+        words += " Of the pairs none is left to average"
+    return f"{words}; {row.n_flips} of {row.n_pairs} pairs are flips, counted apart."
+
+
+def headlines_of(table1):
+    """Return a sentence or more per camera, and one for a campaign without markers."""
+    if table1.empty:
+        return ["This campaign has no markers to detect, so there is nothing to count."]
+    return [headline(row) for row in table1.itertuples()]
+
+
 def make_tables(cells_file, false_ids_file, scene_file, tables):
-    """Write Tables 1 and 2; ``tables`` is a dict of paths by file name: ``table1.csv``..."""
+    """Write Tables 1 and 2 and the headlines, a JSON list of sentences.
+
+    tables  dict of paths by file name: ``table1.csv``, ``.md``, ``.tex``, so for table2, ``headlines.json``
+    """
     cells, false_ids = pd.read_parquet(cells_file), pd.read_parquet(false_ids_file)
     scene = json.loads(Path(scene_file).read_text())
     table2 = make_table2(cells, false_ids, scene.get("name", ""))
@@ -235,6 +273,9 @@ def make_tables(cells_file, false_ids_file, scene_file, tables):
         for suffix, form in (("md", markdown), ("tex", latex)):
             with job.write_atomically(tables[f"{name}.{suffix}"]) as file:
                 file.write(form(headings, rows, captions[name], notes))
+    with job.write_atomically(tables["headlines.json"]) as file:
+        json.dump(headlines_of(table1), file, ensure_ascii=False, indent=1)
+        file.write("\n")
 
 
 if __name__ == "__main__":

@@ -93,6 +93,7 @@ def write_tables(folder, arguments, origin="camera"):
     aggregate_detections(**arguments)
     (folder / "scene.json").write_text(json.dumps({"name": "small", "origin": origin}))
     files = {f"{t}.{s}": folder / f"{t}.{s}" for t in ("table1", "table2") for s in ("csv", "md", "tex")}
+    files["headlines.json"] = folder / "headlines.json"
     make_tables(arguments["cells_file"], arguments["false_ids_file"], folder / "scene.json", files)
     return (
         pd.read_parquet(arguments["cells_file"]),

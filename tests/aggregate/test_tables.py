@@ -1,5 +1,7 @@
 """Hand-made detections with known counts give the known Tables 1 and 2."""
 
+import json
+
 import pandas as pd
 import pytest
 
@@ -131,3 +133,15 @@ def test_papers_row_only_states_what_is_known():
     row = dict.fromkeys(TABLE2) | {"camera": "brio", "algorithm": "aruco", "n_markers": 5}
     _, rows = readable(pd.DataFrame([row], columns=TABLE2), ["camera"], {"n_markers": "markers"})
     assert rows[1] == ["brio, paper", "84.02", "n/a", "91", *["n/a"] * 6]
+
+
+def test_headlines_are_made_from_the_numbers(tmp_path):
+    """If the words came from anywhere else the report could contradict its tables."""
+    found = [detection("real", "a", 0), detection("real", "a", 1), detection("twin", "a", 1)]
+    write_tables(tmp_path, write(tmp_path, found))
+    (line,) = json.loads((tmp_path / "headlines.json").read_text())
+    assert line.startswith(
+        "top: of 6 markers in the pictures, aruco finds 33.3 % in the real images and 16.7 %"
+    )
+    assert "misses 1 that the real images have and has 0" in line
+    assert line.endswith("0 of 1 pairs are flips, counted apart.")

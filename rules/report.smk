@@ -1,0 +1,161 @@
+"""Report: notebooks run by papermill and shown as pages, provenance, and the page that joins all of it.
+
+Needs: expand and register tables, cells, Tables 1 and 2, twin images, photographs, render manifests.
+Makes: notebooks/*.ipynb, report/*.html, provenance.json, run_config.yaml.
+
+Every notebook is a rule of its own with the files that it reads, so that editing one reruns that one and the report.
+Another notebook: a rule like those below, and its name in PAGES.
+"""
+
+PAGES = ["overview", "tables", "figure3", "figure4"]
+
+
+rule run_overview:
+    input:
+        expand(
+            f"{RESULTS}/expand/{{table}}.csv",
+            table=["markers", "cameras", "stations", "captures"],
+        ),
+        expand(
+            f"{RESULTS}/register/{{camera}}.{{suffix}}",
+            camera=CAMERAS,
+            suffix=["csv", "json"],
+        ),
+        expand(f"{RESULTS}/twin/{{camera}}", camera=CAMERAS),
+        scene=f"{RESULTS}/expand/scene.json",
+        cells=f"{RESULTS}/aggregate/cells.parquet",
+        notebook="notebooks/overview.ipynb",
+        helpers="notebooks/figures.py",
+        template="scripts/page_template.html.j2",
+        code=modules("job.py", "rig/geometry.py", "rig/plates.py"),
+    output:
+        notebook=f"{RESULTS}/notebooks/overview.ipynb",
+        page=f"{RESULTS}/report/overview.html",
+    log:
+        f"{RESULTS}/logs/run_overview.log",
+    conda:
+        "../envs/twingap.yaml"
+    params:
+        paths={"results": RESULTS, "project": ".", "campaign": CAMPAIGN},
+        pins=locked("papermill", "nbconvert", "matplotlib"),
+    message:
+        "Drawing real and twin side by side"
+    script:
+        "../scripts/run_notebook.py"
+
+
+use rule run_overview as run_figure3 with:
+    input:
+        expand(
+            f"{RESULTS}/expand/{{table}}.csv",
+            table=["markers", "cameras", "stations", "captures"],
+        ),
+        scene=f"{RESULTS}/expand/scene.json",
+        cells=f"{RESULTS}/aggregate/cells.parquet",
+        notebook="notebooks/figure3.ipynb",
+        helpers="notebooks/figures.py",
+        template="scripts/page_template.html.j2",
+        code=modules("job.py", "rig/geometry.py", "rig/plates.py"),
+    output:
+        notebook=f"{RESULTS}/notebooks/figure3.ipynb",
+        page=f"{RESULTS}/report/figure3.html",
+    log:
+        f"{RESULTS}/logs/run_figure3.log",
+    message:
+        "Drawing where markers are found (Figure 3)"
+
+
+use rule run_figure3 as run_figure4 with:
+    input:
+        expand(
+            f"{RESULTS}/expand/{{table}}.csv",
+            table=["markers", "cameras", "stations", "captures"],
+        ),
+        scene=f"{RESULTS}/expand/scene.json",
+        cells=f"{RESULTS}/aggregate/cells.parquet",
+        notebook="notebooks/figure4.ipynb",
+        helpers="notebooks/figures.py",
+        template="scripts/page_template.html.j2",
+        code=modules("job.py", "rig/geometry.py", "rig/plates.py"),
+    output:
+        notebook=f"{RESULTS}/notebooks/figure4.ipynb",
+        page=f"{RESULTS}/report/figure4.html",
+    log:
+        f"{RESULTS}/logs/run_figure4.log",
+    message:
+        "Drawing how poses differ (Figure 4)"
+
+
+use rule run_figure3 as run_tables with:
+    input:
+        expand(
+            f"{RESULTS}/tables/{{table}}.{{suffix}}",
+            table=["table1", "table2"],
+            suffix=["csv", "md"],
+        ),
+        headlines=f"{RESULTS}/tables/headlines.json",
+        notebook="notebooks/tables.ipynb",
+        helpers="notebooks/figures.py",
+        template="scripts/page_template.html.j2",
+        code=modules("job.py", "rig/geometry.py", "rig/plates.py"),
+    output:
+        notebook=f"{RESULTS}/notebooks/tables.ipynb",
+        page=f"{RESULTS}/report/tables.html",
+    log:
+        f"{RESULTS}/logs/run_tables.log",
+    message:
+        "Setting Tables 1 and 2 in words"
+
+
+rule write_provenance:
+    input:
+        # The tables are no content of it, but results are from the commit at which their numbers were made.
+        expand(f"{RESULTS}/tables/{{table}}.csv", table=["table1", "table2"]),
+        manifests=expand(f"{RESULTS}/render/{{camera}}.json", camera=CAMERAS),
+        lock="envs/twingap.lock.txt",
+        dvc=dvc_files(),
+        twins=twin_files(),
+        code=modules("job.py", "rig/errors.py"),
+    output:
+        provenance=f"{RESULTS}/provenance.json",
+        run_config=f"{RESULTS}/run_config.yaml",
+    log:
+        f"{RESULTS}/logs/write_provenance.log",
+    conda:
+        "../envs/twingap.yaml"
+    params:
+        configuration=config,
+    message:
+        "Noting where the results come from"
+    script:
+        "../scripts/write_provenance.py"
+
+
+rule build_report:
+    input:
+        markers=f"{RESULTS}/expand/markers.csv",
+        cameras=f"{RESULTS}/expand/cameras.csv",
+        stations=f"{RESULTS}/expand/stations.csv",
+        captures=f"{RESULTS}/expand/captures.csv",
+        scene=f"{RESULTS}/expand/scene.json",
+        headlines=f"{RESULTS}/tables/headlines.json",
+        notebooks=expand(f"{RESULTS}/notebooks/{{page}}.ipynb", page=PAGES),
+        pages=expand(f"{RESULTS}/report/{{page}}.html", page=PAGES),
+        provenance=f"{RESULTS}/provenance.json",
+        templates=[
+            "scripts/page_template.html.j2",
+            "scripts/report_template.html.j2",
+        ],
+        code=modules("job.py", "run_notebook.py"),
+    output:
+        page=f"{RESULTS}/report/index.html",
+    log:
+        f"{RESULTS}/logs/build_report.log",
+    conda:
+        "../envs/twingap.yaml"
+    params:
+        pins=locked("jinja2", "pandas"),
+    message:
+        "Joining the report"
+    script:
+        "../scripts/build_report.py"

@@ -1,0 +1,142 @@
+"""The page where a reader starts: what was compared, what came out in words and pictures, links."""
+
+import json
+from pathlib import Path
+
+import jinja2
+import job
+import pandas as pd
+from run_notebook import TEMPLATES, title_of
+
+
+def pictures_of(notebook):
+    """Return the HTML that cells tagged ``report`` displayed, joined."""
+    parts = []
+    for cell in notebook.cells:
+        if "report" in cell.metadata.get("tags", []) and cell.cell_type == "code":
+            parts += [o.data["text/html"] for o in cell.outputs if "text/html" in o.get("data", {})]
+    return "\n".join(parts)
+
+
+def sections_of(notebooks):
+    """Return a dict a notebook: ``name``, ``title``, ``page`` (its HTML file), ``pictures``."""
+    import nbformat
+
+    sections = []
+    for path in notebooks:
+        notebook = nbformat.read(path, as_version=4)
+        name = Path(path).stem
+        title, pictures = title_of(notebook), pictures_of(notebook)
+        sections.append({"name": name, "title": title, "page": f"{name}.html", "pictures": pictures})
+    return sections
+
+
+def plural(count, word):
+    """Return ``3 stations`` or ``1 station``."""
+    return f"{count} {word}" + ("" if count == 1 else "s")
+
+
+def compared(scene, markers, cameras, stations, captures):
+    """Return sentences on what was compared with what."""
+    rig = plural(len(markers), "marker") if len(markers) else "one calibration board"
+    lines = []
+    if len(captures):
+        places = captures.groupby("camera").station.nunique().sum()
+        kind = "simulated stand-ins for captures" if scene.get("origin") == "simulated" else "photographs"
+        lines.append(
+            f"{plural(len(captures), 'capture')} ({kind}) of a rig with {rig}, by "
+            f"{plural(len(cameras), 'camera')} at {plural(places, 'place')}, each beside its twin."
+        )
+    else:
+        lines.append(
+            f"A designed experiment without photographs: {plural(len(stations), 'station')} of "
+            f"{plural(len(cameras), 'camera')} over a rig with {rig}, the twin alone."
+        )
+    lines.append(
+        "The twin of a capture is what Blender renders of the nominal rig through an ideal pinhole camera, "
+        "with the declared noise and whatever effects the twin has been given."
+    )
+    return lines
+
+
+def verdict_words(diagnosis):
+    """Return what a camera's diagnosis says, in words made from its numbers."""
+    steps = diagnosis.get("steps", [])
+    names = [step["effect"].replace("_", " ") for step in steps]
+    listed = ", ".join(names[:-1]) + (" and " if len(names) > 1 else "") + names[-1] if names else ""
+    if diagnosis["verdict"] == "adequate":
+        words = "nothing is missing; the twin explains the images down to the floor."
+    elif diagnosis["verdict"] == "explained":
+        words = f"the twin lacks {listed}; with that, the gap is the floor."
+    else:
+        found = f" Part of it is {listed}." if listed else ""
+        words = f"a gap is left that no known effect closes.{found}"
+    if steps:
+        words += f" The gap falls from {steps[0]['gap_before']:.2f} to {steps[-1]['gap_after']:.2f} floors."
+    confused = sorted({name.replace("_", " ") for step in steps for name in step.get("confused_with", [])})
+    if confused:
+        words += f" From these captures it cannot be told apart from {', '.join(confused)}."
+    return words
+
+
+def ladder_rows(path):
+    """Return (headings, rows of text) of the ladder, rounded for reading."""
+    ladder = pd.read_csv(path)
+
+    def text(value):
+        if pd.isna(value):
+            return ""
+        return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+    return list(ladder.columns), [[text(v) for v in row] for row in ladder.itertuples(index=False)]
+
+
+def build_report(
+    tables, scene_file, notebooks, headlines_file, provenance_file, diagnoses, ladder_file, page
+):
+    """Write ``index.html``.
+
+    tables     dict of paths: markers, cameras, stations, captures
+    notebooks  executed notebooks, in reading order; each has its page ``NAME.html`` beside ``page``
+    diagnoses  ``diagnosis/CAMERA.json`` files, none where nothing was diagnosed
+    ladder_file  ``tables/ladder.csv`` or None
+    """
+    scene = json.loads(Path(scene_file).read_text())
+    frames = {name: pd.read_csv(path) for name, path in tables.items()}
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=jinja2.select_autoescape(default=True, default_for_string=True),
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    verdicts = []
+    for path in sorted(diagnoses):
+        diagnosis = json.loads(Path(path).read_text())
+        verdicts.append((diagnosis["camera"], diagnosis["verdict"], verdict_words(diagnosis)))
+    html = environment.get_template("report_template.html.j2").render(
+        title=f"{scene.get('name', 'twingap')}: camera against twin",
+        simulated=scene.get("origin") == "simulated",
+        compared=compared(scene, **frames),
+        headlines=json.loads(Path(headlines_file).read_text()),
+        sections=sections_of(notebooks),
+        verdicts=verdicts,
+        ladder=ladder_rows(ladder_file) if ladder_file else None,
+        provenance=json.loads(Path(provenance_file).read_text()),
+    )
+    with job.write_atomically(page) as file:
+        file.write(html)
+
+
+if __name__ == "__main__":
+    job.run(
+        build_report,
+        snakemake,
+        tables={name: snakemake.input[name] for name in ("markers", "cameras", "stations", "captures")},
+        scene_file=snakemake.input.scene,
+        notebooks=snakemake.input.notebooks,
+        headlines_file=snakemake.input.headlines,
+        provenance_file=snakemake.input.provenance,
+        diagnoses=snakemake.input.get("diagnoses", []),
+        ladder_file=snakemake.input.get("ladder"),
+        page=snakemake.output.page,
+    )

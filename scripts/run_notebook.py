@@ -1,0 +1,104 @@
+"""Run a notebook by papermill, and make a page without its code: self-contained HTML for phone and desk.
+
+The notebook runs in the folder where its executed copy will lie, and is told paths relative to it, so that
+the copy can be opened and run again in Jupyter.
+"""
+
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+import jinja2
+import job
+
+TEMPLATES = Path(__file__).parent
+
+
+def use_this_environment(scratch):
+    """Make ``python3`` mean the Python that runs this script, whatever kernels the user's home has."""
+    share = Path(sys.prefix) / "share/jupyter"
+    os.environ["JUPYTER_PREFER_ENV_PATH"] = "1"
+    os.environ["JUPYTER_PATH"] = os.pathsep.join(filter(None, [str(share), os.environ.get("JUPYTER_PATH")]))
+    os.environ["JUPYTER_RUNTIME_DIR"] = str(scratch)
+    os.environ["JUPYTER_PLATFORM_DIRS"] = "1"
+    os.environ["IPYTHONDIR"] = str(scratch)
+    os.environ["PYDEVD_DISABLE_FILE_VALIDATION"] = "1"
+
+
+def without_clocks(notebook):
+    """Drop what differs between two runs of the same numbers: times and random cell ids."""
+    notebook.metadata.pop("papermill", None)
+    notebook.metadata.pop("language_info", None)
+    for k, cell in enumerate(notebook.cells):
+        cell.metadata.pop("papermill", None)
+        cell.metadata.pop("execution", None)
+        cell.id = f"cell-{k}"
+    return notebook
+
+
+def title_of(notebook):
+    """Return the notebook's first heading."""
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown" and cell.source.startswith("# "):
+            return cell.source.splitlines()[0][2:]
+    raise ValueError("the notebook has no heading '# ...' that could name its page")
+
+
+def page_of(notebook):
+    """Return the HTML page of an executed notebook, code left out."""
+    from nbconvert import HTMLExporter
+
+    exporter = HTMLExporter(
+        template_name="basic", exclude_input=True, exclude_output_prompt=True, anchor_link_text=""
+    )
+    body, _ = exporter.from_notebook_node(notebook)
+    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True)
+    return environment.get_template("page_template.html.j2").render(title=title_of(notebook), body=body)
+
+
+def run_notebook(source, parameters, executed, page):
+    """Execute ``source`` with ``parameters``, all of them paths; write the executed notebook and its page.
+
+    Raises papermill's PapermillExecutionError, with the cell's traceback, where a cell fails; nothing is then
+    written.
+    """
+    executed = Path(executed).absolute()
+    executed.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as scratch:
+        use_this_environment(scratch)
+        # Imported late: Jupyter reads its paths from the environment at import.
+        import nbformat
+        import papermill
+
+        relative = {
+            name: os.path.relpath(Path(path).absolute(), executed.parent) if path else ""
+            for name, path in parameters.items()
+        }
+        notebook = papermill.execute_notebook(
+            str(source),
+            f"{scratch}/executed.ipynb",
+            parameters=relative,
+            kernel_name="python3",
+            language="python",
+            cwd=str(executed.parent),
+            progress_bar=False,
+            log_output=False,
+        )
+    notebook = without_clocks(notebook)
+    html = page_of(notebook)
+    with job.write_atomically(executed) as file:
+        nbformat.write(notebook, file)
+    with job.write_atomically(page) as file:
+        file.write(html)
+
+
+if __name__ == "__main__":
+    job.run(
+        run_notebook,
+        snakemake,
+        source=snakemake.input.notebook,
+        parameters=dict(snakemake.params.paths),
+        executed=snakemake.output.notebook,
+        page=snakemake.output.page,
+    )
