@@ -78,3 +78,21 @@ class View:
     station: str
     exposure: float = 1.0
     encoding: str = "srgb"
+
+
+def highlight_radiance(highlight, view, x, y):
+    """Return the radiance that a glossy lamp adds to a plate at ground points x, y (metres, any shape).
+
+    Blinn-Phong about the plate's normal (Blinn 1977): strength * max(n.h, 0)^(2 / roughness^2), h halfway between
+    the directions to the lamp (x_m, y_m, height_m) and to the camera; n is the world's z.
+    """
+    R, t = view.T_cam_world[:3, :3], view.T_cam_world[:3, 3]
+    eye = -R.T @ t
+    to_eye = np.stack([eye[0] - x, eye[1] - y, np.broadcast_to(eye[2], np.shape(x))], axis=-1)
+    lamp = np.stack(
+        [highlight["x_m"] - x, highlight["y_m"] - y, np.broadcast_to(highlight["height_m"], np.shape(x))], axis=-1
+    )
+    half = to_eye / np.linalg.norm(to_eye, axis=-1, keepdims=True)
+    half = half + lamp / np.linalg.norm(lamp, axis=-1, keepdims=True)
+    cosine = half[..., 2] / np.linalg.norm(half, axis=-1)
+    return highlight["strength"] * np.maximum(cosine, 0) ** (2 / highlight["roughness"] ** 2)

@@ -104,3 +104,25 @@ def board_plate(rectangles, squares_x, squares_y, square_m):
         white[inside] = bool(is_white)
     T = make_pose([0, 0, 0], [0, 0, 0])
     return Plate("board", T, x, y, white)
+
+
+def spread_ink(plate, spread_m):
+    """Return the plate with the boundaries of black moved outward by ``spread_m`` (inward where negative).
+
+    The black area is dilated (eroded) by a square, so that corners stay sharp; the outer edge of the paper stays.
+    """
+    d = abs(spread_m)
+    x = np.unique(np.concatenate([plate.x_m - d, plate.x_m + d, plate.x_m[[0, -1]]]))
+    y = np.unique(np.concatenate([plate.y_m - d, plate.y_m + d, plate.y_m[[0, -1]]]))
+    x = x[(x >= plate.x_m[0]) & (x <= plate.x_m[-1])]
+    y = y[(y >= plate.y_m[0]) & (y <= plate.y_m[-1])]
+    growing = ~plate.white if spread_m > 0 else plate.white
+    near_x = _cells_near((x[1:] + x[:-1]) / 2, plate.x_m, d)
+    near_y = _cells_near((y[1:] + y[:-1]) / 2, plate.y_m, d)
+    grown = (near_y.astype(int) @ growing.astype(int) @ near_x.T.astype(int)) > 0
+    return Plate(plate.name, plate.T_world_plate, x, y, ~grown if spread_m > 0 else grown)
+
+
+def _cells_near(centres, lines, distance):
+    """Return (n, cells) whether a cell of the grid lines lies within ``distance`` of each centre."""
+    return (centres[:, None] > lines[None, :-1] - distance) & (centres[:, None] < lines[None, 1:] + distance)

@@ -1,8 +1,8 @@
 """Ray caster: one ray on flats, 256 low-discrepancy rays in a pixel that an edge may cross.
 
-A pixel grid comes as the camera-frame directions (x, y, 1) of the pixels' corners, already bent by the lens; inside
-a pixel directions are interpolated, which is exact to 1e-6 px for any lens here. Each plate is met through the
-plane-to-plane map of its own pose, so plates may stand anywhere; a plate always hides the ground.
+A pixel grid comes as the camera-frame directions (x, y, 1) of the pixels' corners, already bent by the lens;
+inside a pixel directions are interpolated, which is exact to 1e-6 px for any lens here. Each plate is met
+through the plane-to-plane map of its own pose, so plates may stand anywhere; a plate always hides the ground.
 """
 
 import numpy as np
@@ -12,7 +12,9 @@ SAMPLES = 256
 
 
 def sobol_net():
-    """Return the 256 points of the (0, 8, 2) net van der Corput x Sobol: one in each cell of a 16 x 16 grid."""
+    """Return the 256 points of the (0, 8, 2) net van der Corput x Sobol: one in each cell of a 16 x 16
+    grid.
+    """
     i = np.arange(SAMPLES, dtype=np.uint32)
     x, y, v = np.zeros(SAMPLES, np.uint32), np.zeros(SAMPLES, np.uint32), np.uint32(1 << 31)
     for bit in range(8):
@@ -25,13 +27,14 @@ def sobol_net():
 
 @njit(cache=True)
 def _hash(a, b):
-    h = np.uint32(a) * np.uint32(0x9E3779B1) ^ np.uint32(b) * np.uint32(0x85EBCA77)
-    h ^= h >> np.uint32(15)
-    h *= np.uint32(0x2C1B3C6D)
-    h ^= h >> np.uint32(12)
-    h *= np.uint32(0x297A2D39)
-    h ^= h >> np.uint32(15)
-    return h / 4294967296.0
+    """Return a number in [0, 1) that looks random in ``a`` and ``b`` (32-bit mixing; Numba widens, so
+    mask).
+    """
+    mask = np.uint64(0xFFFFFFFF)
+    h = (np.uint64(a) * np.uint64(0x9E3779B1) ^ np.uint64(b) * np.uint64(0x85EBCA77)) & mask
+    h = ((h ^ (h >> np.uint64(15))) * np.uint64(0x2C1B3C6D)) & mask
+    h = ((h ^ (h >> np.uint64(12))) * np.uint64(0x297A2D39)) & mask
+    return float(h ^ (h >> np.uint64(15))) / 4294967296.0
 
 
 @njit(cache=True)
@@ -43,7 +46,9 @@ def _cell(cells, i, j):
 
 @njit(cache=True)
 def _is_black(cells, u, v, spread):
-    """Whether module coordinates (u right, v down) are black, black's outline moved outwards by ``spread`` modules."""
+    """Whether module coordinates (u right, v down) are black, black's outline moved outwards by ``spread``
+    modules.
+    """
     i, j = int(np.floor(v)), int(np.floor(u))
     own = _cell(cells, i, j)
     if spread == 0.0:
@@ -113,7 +118,9 @@ def _base(dx, dy, up, ground, background, net, out):
 
 @njit(cache=True)
 def _box(m, dx, dy, reach, step):
-    """Return rows and columns (first, last, first, last) that may see the plate, from every ``step``-th ray."""
+    """Return rows and columns (first, last, first, last) that may see the plate, from every ``step``-th
+    ray.
+    """
     rows, columns = dx.shape
     i0, i1, j0, j1 = rows, -1, columns, -1
     i = 0
@@ -137,12 +144,13 @@ def _box(m, dx, dy, reach, step):
 def trace(dx, dy, up, maps, eyes, cells, half, to_code, spread, curl, curl_axis, levels, net, step):
     """Cast rays and return radiance and plate coverage, both float32 (H, W), pixel = box.
 
-    ``dx``, ``dy`` (H + 1, W + 1): direction (x, y, 1) of the pixels' corners in the camera frame. ``up`` (1 or H, 3): the
-    world's z in the camera frame, one for all rows or one a row. ``maps`` (P, 1 or H, 3, 3): camera direction to plate
-    metres (homogeneous). ``eyes`` (P, 3): camera centre in each plate's frame, metres. ``cells`` (P, 7, 7): 1 is black.
-    ``half``: half a plate's side, m. ``to_code`` (P, 2, 3): plate metres to module coordinates (u right, v down).
-    ``spread``: growth of black in modules. ``curl`` (P,): rise of a curled plate, m. ``levels``: white, black, ground,
-    background. ``step``: pixels between the rays that look for plates.
+    ``dx``, ``dy`` (H + 1, W + 1): direction (x, y, 1) of the pixels' corners in the camera frame. ``up`` (1
+    or H, 3): the world's z in the camera frame, one for all rows or one a row. ``maps`` (P, 1 or H, 3, 3):
+    camera direction to plate metres (homogeneous). ``eyes`` (P, 3): camera centre in each plate's frame,
+    metres. ``cells`` (P, 7, 7): 1 is black. ``half``: half a plate's side, m. ``to_code`` (P, 2, 3): plate
+    metres to module coordinates (u right, v down). ``spread``: growth of black in modules. ``curl`` (P,):
+    rise of a curled plate, m. ``levels``: white, black, ground, background. ``step``: pixels between the rays
+    that look for plates.
     """
     rows, columns = dx.shape[0] - 1, dx.shape[1] - 1
     white, black = levels[0], levels[1]

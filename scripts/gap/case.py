@@ -1,0 +1,184 @@
+"""One camera of a campaign as the fit sees it: nominal scene, captures with their observations, predictions of the twin."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from effects import pipeline
+from gap.observe import COARSE_TO_FINE, FINE, Codes, code_sides_px, observe, observe_noise, wholly_inside
+from gap.observe import SMALLEST_SIDE_PX, classify_flats, measure_colour, measure_plates
+from gap.flats import field_levels, pattern_features
+from gap.synthesis import Prints, coverages, shade
+from rig.geometry import perturb_pose, project, transform
+
+MARGIN_PX = 24  # what blurs and filters see beyond the frame
+
+
+def srgb_encode(linear):
+    """IEC 61966-2-1: linear 0..1 to encoded 0..1."""
+    linear = np.clip(linear, 0, 1)
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)
+
+
+def encoding_table(encoding, exposure):
+    """Return the grey level (0..255) of 4097 radiances from 0 to 1."""
+    radiance = np.linspace(0, 1, 4097) * exposure
+    return 255 * (srgb_encode(radiance) if encoding == "srgb" else np.clip(radiance, 0, 1))
+
+
+def code_corners_world(plate):
+    """Return the code's four outer corners (4, 3) in the world: the grid without its outermost ring."""
+    grid = plate.grid_world()
+    return np.stack([grid[-2, 1], grid[-2, -2], grid[1, -2], grid[1, 1]])
+
+
+@dataclass
+class Capture:
+    """One capture: its nominal view, what was measured in the real image, and its noise variance (squared levels)."""
+
+    view: object
+    trial: int
+    observation: object = None
+    starts: np.ndarray = None
+    noise_variance: float = 1.0
+    green: np.ndarray = None
+
+
+@dataclass
+class Case:
+    """All captures of one camera, with the nominal scene.
+
+    sigma_pose (6,): prior standard deviations of a capture's pose about its nominal one (rad, rad, rad, m, m, m),
+    infinite where nothing is known.
+    """
+
+    campaign: str
+    camera: str
+    scene: object
+    codes: Codes
+    captures: list
+    noise_dn: float
+    sigma_pose: np.ndarray
+    _prints: dict = field(default_factory=dict)
+
+    # -- geometry ---------------------------------------------------------------------------------------------
+
+    def scene_of(self, effects):
+        """Return (scene, prints, world corners of the codes (p, 4, 3)) of the twin with these effects."""
+        modules = pipeline.available_effects()
+        key = tuple((n, tuple(sorted(p.items()))) for n, p in effects if modules[n].STAGE == "scene")
+        if key not in self._prints:
+            if len(self._prints) > 64:
+                self._prints.clear()
+            scene = pipeline.scene_with_effects(self.scene, effects)
+            corners = np.array([code_corners_world(p) for p in scene.plates])
+            self._prints[key] = (scene, Prints(printed_plates(scene)), corners)
+        return self._prints[key]
+
+    def view_of(self, capture, effects, delta):
+        """Return the capture's view at its nominal pose moved by delta (6,), the twin's mount included."""
+        scene, _, _ = self.scene_of(effects)
+        T = scene.T_cam_mount @ perturb_pose(capture.view.T_cam_world, delta)
+        return replace(capture.view, T_cam_world=T)
+
+    def corners_of(self, capture, effects, delta, points=None):
+        """Return the exact pixels (p, 4, 2) where the twin has the codes' corners (or other points (p, k, 3))."""
+        view = self.view_of(capture, effects, delta)
+        world = self.scene_of(effects)[2] if points is None else points
+        pixels = project(view.K, view.T_cam_world, world)
+        if has_geometry(effects):
+            flat = pixels.reshape(-1, 2)
+            ok = np.isfinite(flat).all(1)
+            out = np.full_like(flat, np.nan)
+            out[ok] = pipeline.map_points(flat[ok], view, effects)
+            pixels = out.reshape(pixels.shape)
+        return pixels
+
+    # -- images -----------------------------------------------------------------------------------------------
+
+    def radiance_of(self, capture, effects, delta):
+        """Return the linear radiance (H + 2m, W + 2m, C) of the twin after its geometric effects, exact coverage."""
+        view = self.view_of(capture, effects, delta)
+        scene, prints, _ = self.scene_of(effects)
+        channels = (0, 1, 2) if pipeline.is_chromatic(effects) else (1,)
+        planes = []
+        for channel in channels:
+            mapping = None
+            if has_geometry(effects):
+
+                def mapping(xy, channel=channel):
+                    return pipeline.map_points(xy, view, effects, channel)
+
+            planes.append(shade(scene, view, *coverages(prints, view, mapping), mapping))
+        return np.stack(planes, axis=-1).astype(np.float32)
+
+    def image_of(self, radiance, capture, effects, delta, rng=None):
+        """Return the twin's grey levels (H, W, C), unrounded; noise-free where ``rng`` is None, else as a camera gives it."""
+        view = self.view_of(capture, effects, delta)
+        image = pipeline.photometric(radiance, view, effects, self.noise_dn, rng)
+        m = view.margin
+        image = image[m : m + view.height, m : m + view.width]
+        return np.clip(image if rng is None else np.rint(image), 0, 255)
+
+    # -- real images ------------------------------------------------------------------------------------------
+
+    def observe_real(self, capture, image, starts=None):
+        """Measure a real image (H, W, 3) and keep what the fit needs of it."""
+        zero = np.zeros(6)
+        predicted = self.corners_of(capture, [], zero)
+        starts = predicted if starts is None else starts
+        outlines = self.corners_of(capture, [], zero, np.array([p.outline_world() for p in self.scene.plates]))
+        wanted = wholly_inside(starts, capture.view.width, capture.view.height)
+        wanted &= np.nan_to_num(code_sides_px(starts)) >= SMALLEST_SIDE_PX
+        grey = image.mean(axis=2)
+        _, _, first, _ = first_pass = measure_plates(grey, starts, wanted, self.codes, COARSE_TO_FINE)
+        seen = first_pass[0], first
+        starts, outlines = follow_neighbours(starts, starts, *seen), follow_neighbours(outlines, starts, *seen)
+        wanted = wholly_inside(starts, capture.view.width, capture.view.height)
+        wanted &= np.nan_to_num(code_sides_px(starts)) >= SMALLEST_SIDE_PX
+        capture.observation = observe(image, starts, outlines, wanted, capture.view, self.codes, COARSE_TO_FINE)
+        capture.green = np.ascontiguousarray(image[..., min(1, image.shape[2] - 1)], np.float32)
+        grey_structure = observe_noise(image.mean(axis=2, keepdims=True), capture.observation.classes)[0]
+        capture.noise_variance = float(np.exp(np.nanmin(np.append(grey_structure[:4], np.log(4.0)))))
+        capture.noise_variance = max(capture.noise_variance, 0.05)
+
+
+def follow_neighbours(points, starts, features, measured):
+    """Return points (p, 4, 2) moved as the measured plates were from their starts (p, 4, 2).
+
+    The move is a smooth one, quadratic in the image and fitted robustly.
+    """
+    if measured.sum() < 4:
+        return points
+    moved = features[measured, :8].reshape(-1, 2) - starts[measured].reshape(-1, 2)
+    scale = np.nanmax(np.abs(starts[measured]))
+
+    def powers(xy):
+        x, y = (xy / scale).T
+        columns = [np.ones_like(x), x, y]
+        if measured.sum() >= 8:
+            columns += [x * x, x * y, y * y]
+        return np.stack(columns, axis=1)
+
+    A = powers(starts[measured].reshape(-1, 2))
+    weight = np.ones(len(A))
+    for _ in range(10):
+        solution = np.linalg.lstsq(A * weight[:, None], moved * weight[:, None], rcond=None)[0]
+        weight = 1 / np.sqrt(1 + ((moved - A @ solution) ** 2).sum(1))
+    shift = (powers(points.reshape(-1, 2)) @ solution).reshape(points.shape)
+    return points + np.clip(shift, -40, 40)
+
+
+def has_geometry(effects):
+    """Return whether any of the effects moves image points."""
+    modules = pipeline.available_effects()
+    return any(hasattr(modules[name], "map_points") for name, _ in effects)
+
+
+def printed_plates(scene):
+    """Return the scene's plates as they are printed, ink spread included."""
+    if scene.ink_spread_m == 0:
+        return scene.plates
+    from rig.plates import spread_ink
+
+    return [spread_ink(plate, scene.ink_spread_m) for plate in scene.plates]

@@ -1,0 +1,448 @@
+"""Fit the parameters of a list of effects, the poses of all captures as nuisances, to a camera's observations.
+
+Gauss-Newton on whitened residuals with a robust loss; pose blocks are eliminated by a Schur complement. Geometry is
+fitted first from the corners and exact point maps alone (fast, wide basin), then everything from synthesised images,
+measured by the same code as the real ones.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from effects import pipeline
+from gap.flats import field_levels
+from gap.observe import FINE, classify_flats, measure_colour, measure_plates, observe_noise
+from job import seed_of
+
+NU = 8.0  # robust log(1 + y^2 / nu): quadratic for noise, forgiving for a bad plate
+# Standard deviations below which no difference counts: synthesis against an ideal camera's image
+FEATURE_FLOOR = np.array([0.006] * 8 + [0.15] * 3 + [0.15] * 2 + [0.012] * 3 + [0.004, 0.005])
+COLOUR_FLOOR = np.array([0.15, 0.15, 0.15, 0.006, 0.006] * 2)
+FIELD_FLOOR_DN = 0.12
+NOISE_FLOOR = 0.02
+PATTERN_FLOOR = 0.002
+LOST_PLATE = 6.0  # whitened residual charged per feature of a plate that only the real image shows
+GROUPS = ("corners", "levels", "edges", "colour", "field", "noise", "pose")
+POSE_STEP = np.array([1e-5] * 3 + [1e-5] * 3)
+
+
+def rho(y, nu=NU):
+    """Return the robust loss of whitened residuals, y^2 where small."""
+    return nu * np.log1p(y * y / nu)
+
+
+def rho_of_noise():
+    """Return the mean of rho over a unit normal: the loss of a perfect model."""
+    x = np.linspace(-8, 8, 4001)
+    w = np.exp(-x * x / 2)
+    return float((rho(x) * w).sum() / w.sum())
+
+
+RHO_NOISE = rho_of_noise()
+
+
+@dataclass
+class Prediction:
+    """What the twin shows in one capture; arrays as in gap.observe.Observation."""
+
+    features: np.ndarray
+    measured: np.ndarray
+    colour: np.ndarray
+    field: np.ndarray
+    noise: np.ndarray | None
+
+
+@dataclass
+class State:
+    """A fitted twin: effects [(name, params)], poses (n, 6) of the captures, offsets of measured from exact corners."""
+
+    effects: list
+    poses: np.ndarray
+    offsets: list
+
+
+@dataclass
+class Fit:
+    """The outcome of a fit on the training captures."""
+
+    state: State
+    loss: float
+    covariance: np.ndarray
+    converged: bool
+
+
+# -- whitening ----------------------------------------------------------------------------------------------------
+
+
+class Whitener:
+    """What turns one capture's residuals into unit-variance ones; made once from the real observation."""
+
+    def __init__(self, capture, with_noise):
+        o = capture.observation
+        self.plates = np.flatnonzero(o.measured)
+        s2 = capture.noise_variance
+        info = o.information[self.plates]
+        covariance = np.linalg.inv(info) * s2 if len(info) else np.zeros((0, 18, 18))
+        covariance = covariance + np.diag(FEATURE_FLOOR**2)
+        self.lower_inverse = np.linalg.inv(np.linalg.cholesky(covariance)) if len(info) else covariance
+        corner_covariance = covariance[:, :8, :8]
+        self.corner_inverse = np.linalg.inv(np.linalg.cholesky(corner_covariance)) if len(info) else corner_covariance
+        sd = np.sqrt(np.array([np.diag(c) for c in covariance])).reshape(-1, 18)
+        self.feature_sd = sd
+        self.colour_sd = np.hypot(
+            np.concatenate([sd[:, 8:11], sd[:, [0, 1]], sd[:, 8:11], sd[:, [0, 1]]], axis=1), COLOUR_FLOOR
+        )
+        with np.errstate(divide="ignore"):
+            self.field_sd = np.sqrt(s2 / np.maximum(o.field_n, 1) + FIELD_FLOOR_DN**2)
+        self.noise_sd = np.hypot(o.noise_se, NOISE_FLOOR)
+        self.with_noise = with_noise
+
+    def residuals(self, observation, prediction):
+        """Return {group: whitened residuals} of real minus twin, NaN-free; plates first axis kept as (p, k)."""
+        k = self.plates
+        e = observation.features[k] - prediction.features[k]
+        lost = ~prediction.measured[k]
+        e[lost] = 0
+        y = np.einsum("pij,pj->pi", self.lower_inverse, e)
+        y[lost] = LOST_PLATE
+        colour = (observation.colour[k] - prediction.colour[k]) / self.colour_sd
+        colour[lost] = 0
+        field = np.nan_to_num((observation.field - prediction.field) / self.field_sd)
+        out = {"corners": y[:, :8], "levels": y[:, 8:13], "edges": y[:, 13:], "colour": colour, "field": field}
+        if prediction.noise is not None:
+            out["noise"] = np.nan_to_num((observation.noise - prediction.noise) / self.noise_sd)
+        return out
+
+
+def flatten(groups):
+    """Return all whitened residuals of a capture as one vector, in the order of GROUPS."""
+    return np.concatenate([groups[g].ravel() for g in GROUPS if g in groups])
+
+
+# -- prediction ---------------------------------------------------------------------------------------------------
+
+
+class Fitter:
+    """Fits lists of effects to one case."""
+
+    def __init__(self, case, noise_captures=4):
+        self.case = case
+        n = len(case.captures)
+        step = max(1, n // max(1, noise_captures))
+        self.noise_of = [i % step == 0 for i in range(n)]
+        self.whiteners = [Whitener(c, w) for c, w in zip(case.captures, self.noise_of, strict=True)]
+        self.prior = np.where(np.isfinite(case.sigma_pose), 1 / case.sigma_pose**2, 0.0)
+        self._radiance = {}
+
+    def radiance(self, i, effects, delta):
+        """Return the twin's radiance, cached by geometry: photometric steps draw nothing again."""
+        key = (i, geometric_key(effects), delta.tobytes())
+        if key not in self._radiance:
+            stale = [k for k in self._radiance if k[0] == i]
+            for k in stale[: max(0, len(stale) - 1)]:
+                del self._radiance[k]
+            self._radiance[key] = self.case.radiance_of(self.case.captures[i], effects, delta)
+        return self._radiance[key]
+
+    def predict(self, i, effects, delta):
+        """Return the Prediction of capture i."""
+        case, capture = self.case, self.case.captures[i]
+        o = capture.observation
+        radiance = self.radiance(i, effects, delta)
+        image = case.image_of(radiance, capture, effects, delta)
+        grey = image.mean(axis=2)
+        exact = case.corners_of(capture, effects, delta)
+        wanted = o.measured & np.isfinite(exact).all((1, 2))
+        features, _, measured, _ = measure_plates(grey, exact, wanted, case.codes, FINE)
+        colour = measure_colour(image, features[:, :8].reshape(-1, 4, 2), measured, case.codes)
+        field, _ = field_levels(grey.astype(np.float64), o.classes)
+        noise = None
+        if self.noise_of[i]:
+            rng = np.random.default_rng(seed_of(case.campaign, case.camera, capture.view.capture, "fit noise"))
+            noisy = case.image_of(radiance, capture, effects, delta, rng)
+            corners = features[:, :8].reshape(-1, 4, 2)
+            outlines = case.corners_of(capture, effects, delta, case.scene_of(effects)[1].outlines)
+            classes = classify_flats(grey.shape, corners, measured, outlines, capture.view, case.codes)
+            noise, _ = observe_noise(noisy, classes)
+        return Prediction(features, measured, colour, field, noise)
+
+    # -- geometry alone -------------------------------------------------------------------------------------------
+
+    def corner_residuals(self, i, effects, delta, offset):
+        """Return whitened corner residuals (p, 8) of capture i from exact point maps."""
+        capture, w = self.case.captures[i], self.whiteners[i]
+        exact = self.case.corners_of(capture, effects, delta).reshape(-1, 8)
+        e = capture.observation.features[w.plates, :8] - exact[w.plates] - offset[w.plates]
+        return np.einsum("pij,pj->pi", w.corner_inverse, np.nan_to_num(e, nan=50.0))
+
+    def pose_jacobian(self, i, effects, delta):
+        """Return d corners / d pose (p, 8, 6) of the real capture's plates."""
+        capture, w = self.case.captures[i], self.whiteners[i]
+        columns = []
+        for k in range(6):
+            step = np.zeros(6)
+            step[k] = POSE_STEP[k]
+            high = self.case.corners_of(capture, effects, delta + step).reshape(-1, 8)[w.plates]
+            low = self.case.corners_of(capture, effects, delta - step).reshape(-1, 8)[w.plates]
+            columns.append((high - low) / (2 * POSE_STEP[k]))
+        return np.nan_to_num(np.stack(columns, axis=-1))
+
+    def fit_geometry(self, effects, free, poses, offsets, train, scale=1.0, iterations=8):
+        """Fit free geometric parameters and poses from corners alone; return (effects, poses).
+
+        ``scale`` widens the robust loss at the start (annealed to 1 by halves).
+        """
+        theta = np.array([get_parameter(effects, f) for f in free])
+        steps = np.array([small_step(f) for f in free])
+        lower, upper = bounds_of(free)
+        damping = 1e-6
+        best = np.inf
+        for iteration in range(iterations):
+            H = np.zeros((len(free), len(free)))
+            g = np.zeros(len(free))
+            loss = 0.0
+            blocks = []
+            nu = NU * max(scale, 1.0) ** 2
+            for i in train:
+                current = with_parameters(effects, free, theta)
+                y = self.corner_residuals(i, current, poses[i], offsets[i])
+                loss += (nu * np.log1p(y * y / nu)).sum()
+                weight = 1 / (1 + y * y / nu)
+                Li = self.whiteners[i].corner_inverse
+                Jp = np.einsum("pij,pjk->pik", Li, self.pose_jacobian(i, current, poses[i]))
+                Jt = np.zeros((*y.shape, len(free)))
+                for k in range(len(free)):
+                    h = np.zeros(len(free))
+                    h[k] = steps[k]
+                    high = self.corner_residuals(i, with_parameters(effects, free, theta + h), poses[i], offsets[i])
+                    low = self.corner_residuals(i, with_parameters(effects, free, theta - h), poses[i], offsets[i])
+                    Jt[..., k] = -(high - low) / (2 * steps[k])
+                wy = (weight * y).reshape(-1)
+                Jp, Jt = Jp.reshape(y.size, 6), Jt.reshape(y.size, len(free))
+                wJp = weight.reshape(-1, 1) * Jp
+                A = Jp.T @ wJp + np.diag(self.prior + 1e-9)
+                b = Jp.T @ wy - self.prior * poses[i]
+                C = wJp.T @ Jt
+                H += Jt.T @ (weight.reshape(-1, 1) * Jt) - C.T @ np.linalg.solve(A, C)
+                g += Jt.T @ wy - C.T @ np.linalg.solve(A, b)
+                blocks.append((i, A, b, C))
+                loss += (self.prior * poses[i] ** 2).sum()
+            d = np.zeros(len(free))
+            if len(free):
+                d = np.linalg.solve(H + np.diag(np.diag(H) * damping + 1e-12), g)
+                d = np.clip(theta + d, lower, upper) - theta
+            poses = poses.copy()
+            for i, A, b, C in blocks:
+                poses[i] = poses[i] + np.linalg.solve(A, b - C @ d)
+            theta = theta + d
+            if scale <= 1.0 and abs(best - loss) < 1e-4 * max(loss, 1):
+                break
+            best = loss
+            scale *= 0.5
+        return with_parameters(effects, free, theta), poses
+
+    # -- everything -----------------------------------------------------------------------------------------------
+
+    def residual_vector(self, i, effects, delta, prediction):
+        """Return ({group: whitened residuals}) of capture i, the pose's lean included."""
+        groups = self.whiteners[i].residuals(self.case.captures[i].observation, prediction)
+        groups["pose"] = delta * np.sqrt(self.prior)
+        return groups
+
+    def start(self, effects, poses, indices):
+        """Return (predictions, offsets): offsets are measured minus exact corners of the twin itself."""
+        predictions, offsets = {}, [np.zeros((len(self.case.codes.half_code), 8)) for _ in self.case.captures]
+        for i in indices:
+            predictions[i] = self.predict(i, effects, poses[i])
+            exact = self.case.corners_of(self.case.captures[i], effects, poses[i]).reshape(-1, 8)
+            offsets[i] = np.nan_to_num(predictions[i].features[:, :8] - exact)
+        return predictions, offsets
+
+    def residuals_of(self, effects, poses, predictions, indices):
+        """Return {i: residual groups} of captures."""
+        return {i: self.residual_vector(i, effects, poses[i], predictions[i]) for i in indices}
+
+    def fit(self, effects, free, poses, train, iterations=6, scale=1.0, with_geometry=True):
+        """Fit the free parameters [(effect, parameter), ...] and the poses of the training captures.
+
+        Return a Fit. ``effects`` gives the start and the fixed rest.
+        """
+        effects = [(n, dict(p)) for n, p in effects]
+        geometric = [f for f in free if is_geometric(f)]
+        offsets = [np.zeros((len(self.case.codes.half_code), 8)) for _ in self.case.captures]
+        if geometric and with_geometry:
+            effects, poses = self.fit_geometry(effects, geometric, poses, offsets, train, scale=scale)
+        predictions, offsets = self.start(effects, poses, train)
+        groups = self.residuals_of(effects, poses, predictions, train)
+        # robust losses stick when started far away: begin as wide as the residuals are, narrow by halves
+        width = max(1.0, np.sqrt(np.mean([np.mean(flatten(g) ** 2) for g in groups.values()])) / 2) if free else 1.0
+        covariance = np.zeros((len(free), len(free)))
+        converged = not free
+        lower, upper = bounds_of(free)
+        damping = 1e-4
+        for iteration in range(iterations):
+            theta = np.array([get_parameter(effects, f) for f in free])
+            nu = NU * width**2
+            loss = total(groups, nu)
+            H, g, blocks = self._normal_equations(effects, free, poses, predictions, groups, train, nu)
+            covariance = np.linalg.pinv(H + np.diag(np.full(len(free), 1e-12))) if free else covariance
+            accepted = False
+            for _ in range(4):
+                d = np.linalg.solve(H + np.diag(np.diag(H) * damping + 1e-12), g) if free else np.zeros(0)
+                d = np.clip(theta + d, lower, upper) - theta
+                trial_poses = poses.copy()
+                for i, A, b, C in blocks:
+                    trial_poses[i] = poses[i] + np.linalg.solve(A, b - C @ d)
+                trial = with_parameters(effects, free, theta + d)
+                trial_predictions, trial_offsets = self.start(trial, trial_poses, train)
+                trial_groups = self.residuals_of(trial, trial_poses, trial_predictions, train)
+                trial_loss = total(trial_groups, nu)
+                if trial_loss <= loss + 1e-9:
+                    accepted = True
+                    break
+                damping = max(damping, 1e-2) * 10
+            if not accepted:
+                converged = width == 1.0
+                if converged:
+                    break
+                width = 1.0
+                continue
+            gain = loss - trial_loss
+            effects, poses, predictions, offsets = trial, trial_poses, trial_predictions, trial_offsets
+            groups = trial_groups
+            damping = max(damping / 10, 1e-6)
+            if width == 1.0 and gain < max(1.0, 1e-3 * loss):
+                converged = True
+                break
+            width = max(1.0, width / 3)
+        return Fit(State(effects, poses, offsets), total(groups, NU), covariance, converged)
+
+    def _normal_equations(self, effects, free, poses, predictions, groups, train, nu):
+        k = len(free)
+        H, g, blocks = np.zeros((k, k)), np.zeros(k), []
+        for i in train:
+            y = flatten(groups[i])
+            weight = 1 / (1 + y * y / nu)
+            Jt = np.zeros((len(y), k))
+            for n, f in enumerate(free):
+                Jt[:, n] = self._column(i, effects, f, poses[i], predictions[i], groups[i])
+            Jp = self._pose_columns(i, effects, poses[i], groups[i])
+            wJp = weight[:, None] * Jp
+            A = Jp.T @ wJp + 1e-9 * np.eye(6)
+            b = wJp.T @ y
+            C = wJp.T @ Jt
+            H += Jt.T @ (weight[:, None] * Jt) - C.T @ np.linalg.solve(A, C)
+            g += Jt.T @ (weight * y) - C.T @ np.linalg.solve(A, b)
+            blocks.append((i, A, b, C))
+        return H, g, blocks
+
+    def _column(self, i, effects, parameter, delta, prediction, groups):
+        """Return d (twin, whitened) / d parameter: by the exact point map where it only moves points, else by images."""
+        w = self.whiteners[i]
+        if is_geometric(parameter):
+            h = small_step(parameter)
+            value = get_parameter(effects, parameter)
+            capture = self.case.captures[i]
+            high = self.case.corners_of(capture, with_parameters(effects, [parameter], [value + h]), delta)
+            low = self.case.corners_of(capture, with_parameters(effects, [parameter], [value - h]), delta)
+            d = np.nan_to_num((high - low).reshape(-1, 8)[w.plates] / (2 * h))
+            return self._spread_corners(w, d[..., None], groups)[:, 0]
+        h = image_step(parameter, get_parameter(effects, parameter))
+        moved = with_parameters(effects, [parameter], [get_parameter(effects, parameter) + h])
+        other = self.predict(i, moved, delta)
+        changed = self.residual_vector(i, effects, delta, other)
+        column = -(flatten(changed) - flatten(groups)) / h
+        return np.clip(column, -1e6, 1e6)
+
+    def _pose_columns(self, i, effects, delta, groups):
+        w = self.whiteners[i]
+        J = self._spread_corners(w, self.pose_jacobian(i, effects, delta), groups)
+        J[-6:] = -np.diag(np.sqrt(self.prior))
+        return J
+
+    @staticmethod
+    def _spread_corners(w, d_corners, groups):
+        """Whiten derivatives of corners (p, 8, k) and lay them where the residual vector has its plates."""
+        k = d_corners.shape[-1]
+        full = np.zeros((len(w.plates), 18, k))
+        full[:, :8] = d_corners
+        y = np.einsum("pij,pjk->pik", w.lower_inverse, full)
+        parts = {"corners": y[:, :8], "levels": y[:, 8:13], "edges": y[:, 13:]}
+        blocks = [
+            parts[g].reshape(-1, k) if g in parts else np.zeros((groups[g].size, k)) for g in GROUPS if g in groups
+        ]
+        return np.concatenate(blocks)
+
+    # -- scoring --------------------------------------------------------------------------------------------------
+
+    def score(self, effects, poses, indices):
+        """Fit only the poses of the given captures, then return (poses, {i: groups}) of residuals there."""
+        offsets = [np.zeros((len(self.case.codes.half_code), 8)) for _ in self.case.captures]
+        _, poses = self.fit_geometry(effects, [], poses, offsets, indices, scale=8.0, iterations=7)
+        predictions, offsets = self.start(effects, poses, indices)
+        _, better = self.fit_geometry(effects, [], poses, offsets, indices, iterations=2)
+        out = {}
+        for i in indices:
+            shift = self.case.corners_of(self.case.captures[i], effects, better[i])
+            shift = (shift - self.case.corners_of(self.case.captures[i], effects, poses[i])).reshape(-1, 8)
+            predictions[i].features[:, :8] += np.nan_to_num(shift)
+            out[i] = self.residual_vector(i, effects, better[i], predictions[i])
+        return better, out
+
+
+def total(groups, nu):
+    """Return the loss of captures' residual groups."""
+    return float(sum(rho(flatten(g), nu).sum() for g in groups.values()))
+
+
+# -- parameters ---------------------------------------------------------------------------------------------------
+
+
+def spec(parameter):
+    """Return the effects.base.Parameter of (effect, parameter)."""
+    return pipeline.available_effects()[parameter[0]].PARAMETERS[parameter[1]]
+
+
+def get_parameter(effects, parameter):
+    """Return the value of (effect, parameter) in a list of effects."""
+    return dict(effects)[parameter[0]][parameter[1]]
+
+
+def with_parameters(effects, free, values):
+    """Return the list of effects with the free parameters set to the values."""
+    new = {name: dict(p) for name, p in effects}
+    for (name, parameter), value in zip(free, values, strict=True):
+        new[name][parameter] = float(value)
+    return list(new.items())
+
+
+def bounds_of(free):
+    """Return (lower, upper) arrays."""
+    return np.array([spec(f).lower for f in free]), np.array([spec(f).upper for f in free])
+
+
+def small_step(parameter):
+    """Return a step for derivatives of exact point maps."""
+    return 1e-2 * spec(parameter).matters
+
+
+def image_step(parameter, value):
+    """Return a step for derivatives by images: large enough to rise above filters' rounding, inside the bounds."""
+    s = spec(parameter)
+    h = max(s.matters, 0.02 * abs(value))
+    return h if value + h <= s.upper else -h
+
+
+def is_geometric(parameter):
+    """Return whether the effect of (effect, parameter) only moves points."""
+    module = pipeline.available_effects()[parameter[0]]
+    moves_points = hasattr(module, "map_points") or getattr(module, "MOVES_POINTS", False)
+    return moves_points and not hasattr(module, "apply") and parameter[0] != "lateral_chromatic_aberration"
+
+
+def geometric_key(effects):
+    """Return a key of everything that decides the radiance before photometry."""
+    modules = pipeline.available_effects()
+    return tuple(
+        (n, tuple(sorted(p.items()))) for n, p in effects if modules[n].STAGE == "scene" or hasattr(modules[n], "map_points")
+    )

@@ -1,0 +1,267 @@
+"""Measure the flat ground of an image: levels over the frame, noise by level, its correlation, blocks and stripes."""
+
+import numpy as np
+from numba import njit
+
+from gap.patch import _draw, _sum_rows, homography
+
+CLASSES = ("ground", "white", "black", "sky")
+GROUND, WHITE, BLACK, SKY = 1, 2, 3, 4
+FIELD_COLUMNS, FIELD_ROWS = 8, 5
+NOISE_FEATURES = (
+    "noise_ground", "noise_white", "noise_black", "noise_sky", "noise_y_over_x", "noise_lag2_x", "noise_lag2_y",
+    "noise_tails", "blocks_x", "blocks_y", "stripes_row", "stripes_column", "noise_colour",
+)  # fmt: skip
+
+
+@njit(cache=True)
+def flat_classes(shape, corners, measured, half_code, half_plate, rectangles, first, boxes, horizon, band):
+    """Return the class of each pixel (0: not flat), uint8 of ``shape``.
+
+    corners (p, 4, 2) of the code and whether they were measured (p,); rectangles of all plates (n, 4), those of
+    plate i are ``first[i]:first[i+1]``; boxes (q, 4) to leave out; horizon (W,) its row in each column, ``band``
+    rows about it are left out.
+    """
+    h, w = shape
+    out = np.ones((h, w), np.uint8)
+    for c in range(w):
+        for r in range(h):
+            if r < horizon[c] - band:
+                out[r, c] = 4
+            elif r <= horizon[c] + band:
+                out[r, c] = 0
+    for i in range(boxes.shape[0]):
+        x0, y0, x1, y1 = boxes[i]
+        for r in range(max(0, int(y0)), min(h, int(y1) + 1)):
+            for c in range(max(0, int(x0)), min(w, int(x1) + 1)):
+                out[r, c] = 0
+    pad = 5
+    for i in range(corners.shape[0]):
+        if not measured[i]:
+            continue
+        s, t = half_code[i], half_plate[i]
+        H = homography(np.array([[-s, s], [s, s], [s, -s], [-s, -s]]), corners[i])
+        xs = np.empty(4)
+        ys = np.empty(4)
+        for k in range(4):
+            x = -t if k == 0 or k == 3 else t
+            y = t if k < 2 else -t
+            q = H[2, 0] * x + H[2, 1] * y + H[2, 2]
+            xs[k] = (H[0, 0] * x + H[0, 1] * y + H[0, 2]) / q
+            ys[k] = (H[1, 0] * x + H[1, 1] * y + H[1, 2]) / q
+        x0, y0 = int(np.floor(xs.min())) - pad, int(np.floor(ys.min())) - pad
+        x1, y1 = int(np.ceil(xs.max())) + pad + 1, int(np.ceil(ys.max())) + pad + 1
+        if x1 - x0 > 900 or y1 - y0 > 900:
+            continue
+        ph, pw = y1 - y0, x1 - x0
+        acc = np.zeros((ph, pw + 2))
+        _draw(acc, H, np.array([[-t, -t, t, t]]), x0, y0)
+        plate = _sum_rows(acc, ph, pw)
+        acc[:] = 0
+        _draw(acc, H, rectangles[first[i] : first[i + 1]], x0, y0)
+        black = _sum_rows(acc, ph, pw)
+        for r in range(ph):
+            if y0 + r < 0 or y0 + r >= h:
+                continue
+            for c in range(pw):
+                if x0 + c < 0 or x0 + c >= w:
+                    continue
+                pure_white, pure_black = True, True
+                for dr in range(-1, 2):
+                    for dc in range(-1, 2):
+                        rr, cc = min(max(r + dr, 0), ph - 1), min(max(c + dc, 0), pw - 1)
+                        if plate[rr, cc] < 0.9999 or black[rr, cc] > 1e-4:
+                            pure_white = False
+                        if black[rr, cc] < 0.9999:
+                            pure_black = False
+                near = False
+                for dr in range(-4, 5, 2):
+                    for dc in range(-4, 5, 2):
+                        rr, cc = min(max(r + dr, 0), ph - 1), min(max(c + dc, 0), pw - 1)
+                        if plate[rr, cc] > 1e-4:
+                            near = True
+                if pure_white:
+                    out[y0 + r, x0 + c] = 2
+                elif pure_black:
+                    out[y0 + r, x0 + c] = 3
+                elif near or plate[r, c] > 1e-4:
+                    out[y0 + r, x0 + c] = 0
+    return out
+
+
+@njit(cache=True)
+def _structure(image, classes):
+    """Return sums over pairs of equal class: see the caller."""
+    h, w = image.shape
+    sums = np.zeros((5, 8))  # per class: d1x^2, n, d1y^2, n, d2x^2, n, d2y^2, n
+    blocks = np.zeros((4, 2))  # at x multiples of 8, elsewhere, the same in y: sum, n
+    fourth = np.zeros(3)
+    for r in range(h):
+        for c in range(w):
+            k = classes[r, c]
+            if k == 0:
+                continue
+            value = image[r, c]
+            if c + 1 < w and classes[r, c + 1] == k:
+                d = (image[r, c + 1] - value) ** 2
+                sums[k, 0] += d
+                sums[k, 1] += 1
+                if k == 1:
+                    b = 0 if c % 8 == 7 else 1
+                    blocks[b, 0] += d
+                    blocks[b, 1] += 1
+                    fourth[0] += d
+                    fourth[1] += d * d
+                    fourth[2] += 1
+            if r + 1 < h and classes[r + 1, c] == k:
+                d = (image[r + 1, c] - value) ** 2
+                sums[k, 2] += d
+                sums[k, 3] += 1
+                if k == 1:
+                    b = 2 if r % 8 == 7 else 3
+                    blocks[b, 0] += d
+                    blocks[b, 1] += 1
+            if c + 2 < w and classes[r, c + 2] == k:
+                sums[k, 4] += (image[r, c + 2] - value) ** 2
+                sums[k, 5] += 1
+            if r + 2 < h and classes[r + 2, c] == k:
+                sums[k, 6] += (image[r + 2, c] - value) ** 2
+                sums[k, 7] += 1
+    return sums, blocks, fourth
+
+
+@njit(cache=True)
+def _stripes(image, classes):
+    """Return the mean squared step between neighbouring rows' (and columns') means, times their number of pixels."""
+    h, w = image.shape
+    out = np.zeros((2, 2))
+    for r in range(h - 1):
+        total, n = 0.0, 0
+        for c in range(w):
+            if classes[r, c] == 1 and classes[r + 1, c] == 1:
+                total += image[r + 1, c] - image[r, c]
+                n += 1
+        if n >= 20:
+            out[0, 0] += total * total / n
+            out[0, 1] += 1
+    for c in range(w - 1):
+        total, n = 0.0, 0
+        for r in range(h):
+            if classes[r, c] == 1 and classes[r, c + 1] == 1:
+                total += image[r, c + 1] - image[r, c]
+                n += 1
+        if n >= 20:
+            out[1, 0] += total * total / n
+            out[1, 1] += 1
+    return out
+
+
+@njit(cache=True)
+def _field(image, classes, rows, columns):
+    """Return (sum, number) of the ground and of the sky in each cell of a grid over the frame: (2, rows, columns, 2)."""
+    h, w = image.shape
+    out = np.zeros((2, rows, columns, 2))
+    for r in range(h):
+        for c in range(w):
+            k = classes[r, c]
+            if k == 1 or k == 4:
+                cell = out[0 if k == 1 else 1, r * rows // h, c * columns // w]
+                cell[0] += image[r, c]
+                cell[1] += 1
+    return out
+
+
+def _log_ratio(a, b):
+    return float(np.log(max(a, 1e-3) / max(b, 1e-3)))
+
+
+def noise_features(green, red, blue, classes):
+    """Return (values, standard errors) of NOISE_FEATURES; NaN where there is too little flat ground.
+
+    green, red, blue (H, W) float; red and blue may be None for a grey image. Variances are those of differences of
+    neighbours, halved, in squared grey levels; logarithms are natural.
+    """
+    sums, blocks, fourth = _structure(green, classes)
+    stripes = _stripes(green, classes)
+    values, errors = np.full(len(NOISE_FEATURES), np.nan), np.full(len(NOISE_FEATURES), np.nan)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        d1x, d1y, d2x, d2y = (sums[:, i] / sums[:, i + 1] / 2 for i in (0, 2, 4, 6))
+    n = sums[:, 1] + sums[:, 3]
+    for i, k in enumerate((GROUND, WHITE, BLACK, SKY)):
+        if n[k] >= 200:
+            values[i] = np.log(max((sums[k, 0] + sums[k, 2]) / n[k] / 2, 1e-3))
+            errors[i] = np.sqrt(3 / n[k])
+    if n[GROUND] >= 2000:
+        se = np.sqrt(6 / n[GROUND])
+        g = GROUND
+        values[4:7] = _log_ratio(d1y[g], d1x[g]), _log_ratio(d2x[g], d1x[g]), _log_ratio(d2y[g], d1y[g])
+        errors[4:7] = 2 * se
+        mean2 = fourth[0] / fourth[2]
+        values[7] = _log_ratio(fourth[1] / fourth[2], 3 * mean2**2)
+        errors[7] = np.sqrt(40 / n[g])
+        values[8] = _log_ratio(blocks[0, 0] / blocks[0, 1], blocks[1, 0] / blocks[1, 1])
+        values[9] = _log_ratio(blocks[2, 0] / blocks[2, 1], blocks[3, 0] / blocks[3, 1])
+        errors[8:10] = np.sqrt(3 / blocks[0, 1]), np.sqrt(3 / blocks[2, 1])
+        for i in range(2):
+            if stripes[i, 1] >= 20:
+                values[10 + i] = _log_ratio(stripes[i, 0] / stripes[i, 1], 2 * (d1y, d1x)[i][g])
+                errors[10 + i] = np.sqrt(3 / stripes[i, 1])
+        if red is not None:
+            colour, _, _ = _structure(red - blue, classes)
+            per_pair = (colour[g, 0] + colour[g, 2]) / (colour[g, 1] + colour[g, 3]) / 2
+            values[12] = _log_ratio(per_pair, 2 * np.exp(values[0]))
+            errors[12] = np.sqrt(6 / n[g])
+    return values, errors
+
+
+def field_levels(image, classes):
+    """Return (means, numbers of pixels) of ground and sky in a grid over the frame, each (2 * rows * columns,)."""
+    cells = _field(image, classes, FIELD_ROWS, FIELD_COLUMNS).reshape(-1, 2)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(cells[:, 1] >= 50, cells[:, 0] / cells[:, 1], np.nan), cells[:, 1]
+
+
+@njit(cache=True)
+def _shared_pattern(a, b, classes_a, classes_b):
+    h, w = a.shape
+    out = np.zeros((3, 2))  # pixels, columns, rows: sum of products, number
+    for c in range(w - 1):
+        sum_a, sum_b, n = 0.0, 0.0, 0
+        for r in range(h):
+            if classes_a[r, c] == 1 and classes_a[r, c + 1] == 1 and classes_b[r, c] == 1 and classes_b[r, c + 1] == 1:
+                da, db = a[r, c + 1] - a[r, c], b[r, c + 1] - b[r, c]
+                out[0, 0] += da * db
+                out[0, 1] += 1
+                sum_a += da
+                sum_b += db
+                n += 1
+        if n >= 20:
+            out[1, 0] += sum_a * sum_b / n
+            out[1, 1] += 1
+    for r in range(h - 1):
+        sum_a, sum_b, n = 0.0, 0.0, 0
+        for c in range(w):
+            if classes_a[r, c] == 1 and classes_a[r + 1, c] == 1 and classes_b[r, c] == 1 and classes_b[r + 1, c] == 1:
+                sum_a += a[r + 1, c] - a[r, c]
+                sum_b += b[r + 1, c] - b[r, c]
+                n += 1
+        if n >= 20:
+            out[2, 0] += sum_a * sum_b / n
+            out[2, 1] += 1
+    return out
+
+
+PATTERN_FEATURES = ("pattern_pixels", "pattern_columns", "pattern_rows")
+
+
+def pattern_features(a, b, classes_a, classes_b, noise_variance):
+    """Return (values, standard errors) of PATTERN_FEATURES of two captures: what repeats in the same pixels.
+
+    Covariances of neighbours' differences at the same place, halved, in units of the temporal noise variance;
+    zero where nothing is fixed to the sensor.
+    """
+    sums = _shared_pattern(a, b, classes_a, classes_b)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        values = np.where(sums[:, 1] >= 20, sums[:, 0] / sums[:, 1] / 2 / noise_variance, np.nan)
+        errors = np.sqrt(1.5 / sums[:, 1])
+    return values, errors

@@ -1,0 +1,209 @@
+"""Observables of one image, real or twin, by the same code: plates, colour, flats, noise."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numba import njit
+
+from gap.flats import field_levels, flat_classes, noise_features
+from gap.patch import N_FEATURES, _expand, _solve, measure_plate
+from gap.synthesis import black_rectangles
+
+COLOUR_FEATURES = (
+    "red_white", "red_black", "red_ground", "red_dx", "red_dy",
+    "blue_white", "blue_black", "blue_ground", "blue_dx", "blue_dy",
+)  # fmt: skip
+N_COLOUR = len(COLOUR_FEATURES)
+SMALLEST_SIDE_PX = 7.0  # of the code: a module is then one pixel
+# Prior precision of the coefficients, in grey levels of noise: corners and levels free, the rest held to sense
+RIDGE = np.array([1e-4] * 8 + [1e-4] * 5 + [1e-2] * 5)
+COARSE_TO_FINE = np.array([4, 1, 0])
+FINE = np.array([0])
+FARTHEST_PX = 25.0
+
+
+@dataclass
+class Codes:
+    """The nominal plates as the fit needs them: arrays over plates."""
+
+    half_code: np.ndarray
+    half_plate: np.ndarray
+    rectangles: list
+    first: np.ndarray
+    all_rectangles: np.ndarray
+    levels: np.ndarray
+    lut: np.ndarray
+
+    @classmethod
+    def of(cls, plates, levels, lut):
+        """Build from marker plates (a code with one white ring round it), linear levels (3,) and the encoding's table."""
+        half_code = np.array([p.x_m[-2] for p in plates])
+        half_plate = np.array([p.x_m[-1] for p in plates])
+        rectangles = [black_rectangles(p) for p in plates]
+        first = np.concatenate([[0], np.cumsum([len(r) for r in rectangles])])
+        return cls(half_code, half_plate, rectangles, first, np.concatenate(rectangles), np.asarray(levels, float), lut)
+
+
+@dataclass
+class Observation:
+    """What was measured in one image.
+
+    features (p, 18) of gap.patch.FEATURES, corners first, in pixels; information (p, 18, 18) per unit noise
+    variance; measured (p,) bool; colour (p, 10); classes (H, W); field, field_n; noise, noise_se.
+    """
+
+    features: np.ndarray
+    information: np.ndarray
+    measured: np.ndarray
+    misfit: np.ndarray
+    colour: np.ndarray
+    classes: np.ndarray
+    field: np.ndarray
+    field_n: np.ndarray
+    noise: np.ndarray
+    noise_se: np.ndarray
+
+    @property
+    def corners(self):
+        """Corners of the codes (p, 4, 2), pixels."""
+        return self.features[:, :8].reshape(-1, 4, 2)
+
+
+@njit(cache=True)
+def _colour(red, blue, corners, half_code, half_plate, rectangles, levels, lut):
+    """Return the ten colour features of a plate: differences to the mean image, by regression about its corners."""
+    h, w = red.shape
+    x0, y0 = int(corners[:, 0].min()) - 8, int(corners[:, 1].min()) - 8
+    x1, y1 = int(corners[:, 0].max()) + 9, int(corners[:, 1].max()) + 9
+    x0, y0, x1, y1 = max(x0, 0), max(y0, 0), min(x1, w), min(y1, h)
+    out = np.zeros(10)
+    if x1 - x0 < 8 or y1 - y0 < 8:
+        return out
+    B, _ = _expand(
+        red[y0:y1, x0:x1].astype(np.float64), corners, half_code, half_plate, rectangles, levels, np.zeros(5), lut, x0, y0, 0
+    )
+    S = np.zeros((5, y1 - y0, x1 - x0))
+    S[0], S[1], S[2] = B[8], B[9], B[10]
+    S[3] = B[0] + B[2] + B[4] + B[6]
+    S[4] = B[1] + B[3] + B[5] + B[7]
+    ridge = np.full(5, 1e-3)
+    for i in range(2):
+        image = red if i == 0 else blue
+        coefficients, _, _, _ = _solve(S, image[y0:y1, x0:x1].astype(np.float64), ridge)
+        out[5 * i : 5 * i + 5] = coefficients
+    return out
+
+
+def code_sides_px(corners):
+    """Return the shortest side of each code (p,), pixels, corners (p, 4, 2)."""
+    return np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=-1).min(1)
+
+
+def wholly_inside(corners, width, height, border=6.0):
+    """Return a mask (p,) of codes whose plates lie inside the frame with a border of white round them."""
+    centre = corners.mean(1, keepdims=True)
+    plate = centre + (corners - centre) * 1.45
+    finite = np.isfinite(plate).all((1, 2))
+    plate = np.nan_to_num(plate, nan=-1e9)
+    return (
+        finite
+        & (plate[..., 0].min(1) > border)
+        & (plate[..., 0].max(1) < width - 1 - border)
+        & (plate[..., 1].min(1) > border)
+        & (plate[..., 1].max(1) < height - 1 - border)
+    )
+
+
+def measure_plates(grey, starts, wanted, codes, radii):
+    """Measure the wanted plates (p,) of a grey image (H, W) from predicted corners (p, 4, 2).
+
+    Return features (p, 18), information (p, 18, 18), measured (p,), misfit variance (p,).
+    """
+    n = len(starts)
+    features = np.full((n, N_FEATURES), np.nan)
+    information = np.zeros((n, N_FEATURES, N_FEATURES))
+    measured = np.zeros(n, bool)
+    misfit = np.full(n, np.nan)
+    grey = np.ascontiguousarray(grey, np.float32)
+    for i in np.flatnonzero(wanted):
+        f, info, _, variance, _, ok = measure_plate(
+            grey, np.ascontiguousarray(starts[i]), codes.half_code[i], codes.half_plate[i], codes.rectangles[i],
+            codes.levels, codes.lut, RIDGE, radii, FARTHEST_PX,
+        )  # fmt: skip
+        if ok:
+            features[i], information[i], measured[i], misfit[i] = f, info, True, variance
+    return features, information, measured, misfit
+
+
+def measure_colour(image, corners, measured, codes):
+    """Return the colour features (p, 10) of a colour image (H, W, 3), red first; zeros for a grey one (H, W, 1)."""
+    out = np.zeros((len(corners), N_COLOUR))
+    if image.shape[2] == 1:
+        return out
+    mean = image.mean(axis=2)
+    red = np.ascontiguousarray(image[..., 0] - mean, np.float32)
+    blue = np.ascontiguousarray(image[..., 2] - mean, np.float32)
+    for i in np.flatnonzero(measured):
+        out[i] = _colour(
+            red, blue, np.ascontiguousarray(corners[i]), codes.half_code[i], codes.half_plate[i],
+            codes.rectangles[i], codes.levels, codes.lut,
+        )  # fmt: skip
+    return out
+
+
+def horizon_rows(view):
+    """Return the row of the ground's horizon in each column (W,), pixels; far outside where there is none."""
+    up = view.T_cam_world[:3, 2]
+    rays_x = (np.arange(view.width) - view.K[0, 2]) / view.K[0, 0]
+    if abs(up[1]) < 1e-9:
+        return np.full(view.width, -1e6)
+    rows = view.K[1, 1] * -(up[0] * rays_x + up[2]) / up[1] + view.K[1, 2]
+    return np.clip(rows, -1e6, 1e6)
+
+
+def classify_flats(shape, corners, measured, outlines, view, codes, band=30.0):
+    """Return the class of each pixel (H, W); plates that were not measured are left out by their outlines (p, 4, 2)."""
+    outlines = outlines[~measured]
+    outlines = outlines[np.isfinite(outlines).all((1, 2))]
+    boxes = np.concatenate([outlines.min(1) - 14, outlines.max(1) + 14], axis=1) if len(outlines) else np.zeros((0, 4))
+    boxes = np.clip(boxes, -1e6, 1e6)
+    return flat_classes(
+        shape, np.nan_to_num(np.ascontiguousarray(corners)), measured, codes.half_code, codes.half_plate,
+        codes.all_rectangles, codes.first, boxes, horizon_rows(view), band,
+    )  # fmt: skip
+
+
+def observe(image, starts, outlines, wanted, view, codes, radii, classes=None):
+    """Measure one image (H, W, C) of grey levels (0..255, float or uint8; red first).
+
+    starts (p, 4, 2) predicted corners of the codes; outlines (p, 4, 2) predicted outlines of the plates;
+    ``classes`` given skips their computation (twin images take the real capture's).
+    """
+    image = image.astype(np.float32)
+    grey = image[..., 0] if image.shape[2] == 1 else image.mean(axis=2)
+    features, information, measured, misfit = measure_plates(grey, starts, wanted, codes, radii)
+    corners = features[:, :8].reshape(-1, 4, 2)
+    colour = measure_colour(image, corners, measured, codes)
+    if classes is None:
+        classes = classify_flats(grey.shape, corners, measured, outlines, view, codes)
+    field, field_n = field_levels(grey.astype(np.float64), classes)
+    noise, noise_se = observe_noise(image, classes)
+    return Observation(features, information, measured, misfit, colour, classes, field, field_n, noise, noise_se)
+
+
+def observe_noise(image, classes):
+    """Return (values, standard errors) of the noise features of an image (H, W, C) with the given flats."""
+    planes = [np.ascontiguousarray(image[..., i], np.float64) for i in range(image.shape[2])]
+    if len(planes) == 1:
+        return noise_features(planes[0], None, None, classes)
+    return noise_features(planes[1], planes[0], planes[2], classes)
+
+
+def read_rgb(image_bgr):
+    """Return (H, W, 3) or (H, W, 1), red first, scaled to 0..255, from an image as cv2.imread gives it."""
+    if image_bgr.ndim == 2:
+        image = image_bgr[..., None]
+    else:
+        image = cv2.cvtColor(image_bgr, cv2.COLOR_BGR2RGB)
+    return image.astype(np.float32) / (257.0 if image.dtype == np.uint16 else 1.0)

@@ -1,0 +1,288 @@
+"""Measure one plate in one image: corners by a fit of the known code, levels, edge spread, overshoot; compiled.
+
+The patch is compared with the ideal one (exact coverage, nominal levels, the campaign's encoding) under a homography
+that is fitted; what is left over is expanded in a few images that each mean something physical. The same code
+measures real and twin, so that what the expansion leaves out cancels in the gap.
+"""
+
+import numpy as np
+from numba import njit
+
+from gap.raster import add_edge
+
+# The expansion: displacement of the four code corners (px; x, y each), then
+FEATURES = (
+    "corner_x0", "corner_y0", "corner_x1", "corner_y1", "corner_x2", "corner_y2", "corner_x3", "corner_y3",
+    "white", "black", "ground", "white_slope_u", "white_slope_v",
+    "spread_x", "spread_y", "spread_xy", "overshoot", "ink",
+)  # fmt: skip
+N_FEATURES = len(FEATURES)
+UNITS = ("px",) * 8 + ("dn",) * 5 + ("px2",) * 3 + ("1", "px")
+
+
+@njit(cache=True)
+def homography(source, target):
+    """Return the 3 x 3 homography that takes four points (4, 2) to four others."""
+    a = np.zeros((8, 8))
+    b = np.zeros(8)
+    for i in range(4):
+        x, y = source[i]
+        u, v = target[i]
+        a[2 * i] = np.array([x, y, 1, 0, 0, 0, -u * x, -u * y])
+        a[2 * i + 1] = np.array([0, 0, 0, x, y, 1, -v * x, -v * y])
+        b[2 * i] = u
+        b[2 * i + 1] = v
+    h = np.linalg.solve(a, b)
+    return np.array([[h[0], h[1], h[2]], [h[3], h[4], h[5]], [h[6], h[7], 1.0]])
+
+
+@njit(cache=True)
+def _draw(acc, H, rectangles, dx, dy):
+    for i in range(rectangles.shape[0]):
+        x0, y0, x1, y1 = rectangles[i]
+        px = np.empty(4)
+        py = np.empty(4)
+        for k in range(4):
+            x = x0 if k == 0 or k == 3 else x1
+            y = y1 if k < 2 else y0
+            w = H[2, 0] * x + H[2, 1] * y + H[2, 2]
+            px[k] = (H[0, 0] * x + H[0, 1] * y + H[0, 2]) / w + 0.5 - dx
+            py[k] = (H[1, 0] * x + H[1, 1] * y + H[1, 2]) / w + 0.5 - dy
+        for k in range(4):
+            n = (k + 1) % 4
+            add_edge(acc, px[k], py[k], px[n], py[n], -1.0)
+
+
+@njit(cache=True)
+def _sum_rows(acc, h, w):
+    out = np.empty((h, w))
+    for r in range(h):
+        total = 0.0
+        for c in range(w):
+            total += acc[r, c]
+            out[r, c] = total
+    return out
+
+
+@njit(cache=True)
+def _box(image, radius):
+    """Return the mean over a (2 radius + 1) square, edges repeated."""
+    if radius == 0:
+        return image.copy()
+    h, w = image.shape
+    rows = np.empty((h, w))
+    out = np.empty((h, w))
+    n = 2 * radius + 1
+    for r in range(h):
+        total = 0.0
+        for k in range(-radius, radius + 1):
+            total += image[r, min(max(k, 0), w - 1)]
+        for c in range(w):
+            rows[r, c] = total / n
+            total += image[r, min(c + radius + 1, w - 1)] - image[r, max(c - radius, 0)]
+    for c in range(w):
+        total = 0.0
+        for k in range(-radius, radius + 1):
+            total += rows[min(max(k, 0), h - 1), c]
+        for r in range(h):
+            out[r, c] = total / n
+            total += rows[min(r + radius + 1, h - 1), c] - rows[max(r - radius, 0), c]
+    return out
+
+
+@njit(cache=True)
+def _encode(value, lut):
+    t = min(max(value, 0.0), 1.0) * (lut.shape[0] - 1)
+    i = min(int(t), lut.shape[0] - 2)
+    return lut[i] + (t - i) * (lut[i + 1] - lut[i])
+
+
+@njit(cache=True)
+def _plate_coordinates(inverse, x, y, half_code):
+    """Return plate coordinates of a pixel in units of half the code's side."""
+    q = inverse[2, 0] * x + inverse[2, 1] * y + inverse[2, 2]
+    u = (inverse[0, 0] * x + inverse[0, 1] * y + inverse[0, 2]) / q / half_code
+    v = (inverse[1, 0] * x + inverse[1, 1] * y + inverse[1, 2]) / q / half_code
+    return u, v
+
+
+@njit(cache=True)
+def _expand(image, corners, half_code, half_plate, rectangles, levels, shifts, lut, x0, y0, radius):
+    """Return (expansion images (18, h, w), residual (h, w)) of a patch about the model at ``corners``.
+
+    ``shifts`` (5,) are grey levels already found for white, black, ground and the slopes over the plate.
+    """
+    h, w = image.shape
+    c = half_code
+    source = np.array([[-c, c], [c, c], [c, -c], [-c, -c]])
+    H = homography(source, corners)
+    acc = np.zeros((h, w + 2))
+    outline = np.array([[-half_plate, -half_plate, half_plate, half_plate]])
+    _draw(acc, H, outline, x0, y0)
+    plate = _sum_rows(acc, h, w)
+    acc[:] = 0
+    _draw(acc, H, rectangles, x0, y0)
+    black = _sum_rows(acc, h, w)
+    white_level, black_level, ground_level = levels
+    model = np.empty((h, w))
+    for r in range(h):
+        for k in range(w):
+            lin = ground_level + (white_level - ground_level) * plate[r, k] + (black_level - white_level) * black[r, k]
+            model[r, k] = _encode(lin, lut)
+    contrast = _encode(white_level, lut) - _encode(black_level, lut) + shifts[0] - shifts[1]
+    inverse = np.linalg.inv(H)
+    for r in range(h):
+        for k in range(w):
+            u, v = _plate_coordinates(inverse, k + x0, r + y0, c)
+            white = plate[r, k] - black[r, k]
+            model[r, k] += shifts[0] * white + shifts[1] * black[r, k] + shifts[2] * (1 - plate[r, k])
+            model[r, k] += plate[r, k] * (shifts[3] * u + shifts[4] * v)
+    smooth = _box(model, radius)
+    residual = _box(image, radius) - smooth
+    wide = _box(smooth, 4)
+    B = np.zeros((18, h, w))
+    for r in range(h):
+        up, down = max(r - 1, 0), min(r + 1, h - 1)
+        for k in range(w):
+            left, right = max(k - 1, 0), min(k + 1, w - 1)
+            gx = 0.5 * (smooth[r, right] - smooth[r, left])
+            gy = 0.5 * (smooth[down, k] - smooth[up, k])
+            u, v = _plate_coordinates(inverse, k + x0, r + y0, c)
+            # bilinear weights of the corners: how far this pixel moves when one corner does
+            for n in range(4):
+                su = 1.0 if n == 1 or n == 2 else -1.0
+                sv = 1.0 if n < 2 else -1.0
+                weight = 0.25 * (1 + su * u) * (1 + sv * v)
+                B[2 * n, r, k] = -gx * weight
+                B[2 * n + 1, r, k] = -gy * weight
+            white = plate[r, k] - black[r, k]
+            B[8, r, k] = white
+            B[9, r, k] = black[r, k]
+            B[10, r, k] = 1 - plate[r, k]
+            B[11, r, k] = plate[r, k] * u
+            B[12, r, k] = plate[r, k] * v
+            centre = smooth[r, k]
+            B[13, r, k] = 0.5 * (smooth[r, right] - 2 * centre + smooth[r, left])
+            B[14, r, k] = 0.5 * (smooth[down, k] - 2 * centre + smooth[up, k])
+            B[15, r, k] = 0.25 * (
+                smooth[down, right] - smooth[down, left] - smooth[up, right] + smooth[up, left]
+            )
+            B[16, r, k] = centre - wide[r, k]
+            bx = 0.5 * (black[r, right] - black[r, left])
+            by = 0.5 * (black[down, k] - black[up, k])
+            B[17, r, k] = -contrast * np.sqrt(bx * bx + by * by)
+    return B, residual
+
+
+@njit(cache=True)
+def _solve(B, residual, ridge):
+    """Return (coefficients, normal matrix, residual sum of squares) of the regression, edges of the patch left out."""
+    n, h, w = B.shape
+    A = np.zeros((n, n))
+    b = np.zeros(n)
+    rss = 0.0
+    count = 0
+    row = np.empty(n)
+    for r in range(1, h - 1):
+        for k in range(1, w - 1):
+            for i in range(n):
+                row[i] = B[i, r, k]
+            value = residual[r, k]
+            rss += value * value
+            count += 1
+            for i in range(n):
+                b[i] += row[i] * value
+                for j in range(i, n):
+                    A[i, j] += row[i] * row[j]
+    for i in range(n):
+        for j in range(i):
+            A[i, j] = A[j, i]
+    M = A.copy()
+    for i in range(n):
+        M[i, i] += ridge[i]
+    coefficients = np.linalg.solve(M, b)
+    explained = 0.0
+    for i in range(n):
+        explained += coefficients[i] * b[i]
+    return coefficients, M, rss - explained, count
+
+
+@njit(cache=True)
+def measure_plate(image, start, half_code, half_plate, rectangles, levels, lut, ridge, radii, max_px):
+    """Fit one plate.
+
+    image        (H, W) float32 grey levels; start (4, 2) predicted corners of the code, pixels
+    half_code, half_plate  metres; rectangles (n, 4) black area, metres
+    levels       linear values of white, black, ground; lut grey level of linear values 0..1
+    ridge        (18,) prior precision of each coefficient in units of one grey level's noise
+    radii        box radii of the coarse-to-fine passes, ending in 0; max_px how far corners may go from ``start``
+
+    Return (features (18,), information matrix (18, 18) per unit noise variance, corners (4, 2), noise variance of
+    the fit, steps' last size in pixels, 1.0 if converged else 0.0); the first eight features are the corners.
+    """
+    H_img, W_img = image.shape
+    corners = start.copy()
+    values = np.zeros(18)
+    info = np.eye(18)
+    variance = 0.0
+    step = 1e9
+    ok = 0.0
+    shifts = np.zeros(5)
+    for p in range(radii.shape[0]):
+        radius = radii[p]
+        iterations = 5 if radius > 0 else 12
+        relax = 1.0
+        previous = np.zeros(8)
+        for it in range(iterations):
+            c = half_code
+            H = homography(np.array([[-c, c], [c, c], [c, -c], [-c, -c]]), corners)
+            xs = np.empty(4)
+            ys = np.empty(4)
+            for k in range(4):
+                x = -half_plate if k == 0 or k == 3 else half_plate
+                y = half_plate if k < 2 else -half_plate
+                q = H[2, 0] * x + H[2, 1] * y + H[2, 2]
+                xs[k] = (H[0, 0] * x + H[0, 1] * y + H[0, 2]) / q
+                ys[k] = (H[1, 0] * x + H[1, 1] * y + H[1, 2]) / q
+            pad = 3 + 2 * radius
+            x0 = int(np.floor(xs.min())) - pad
+            y0 = int(np.floor(ys.min())) - pad
+            x1 = int(np.ceil(xs.max())) + pad + 1
+            y1 = int(np.ceil(ys.max())) + pad + 1
+            if x1 - x0 > 600 or y1 - y0 > 600:
+                return values, info, corners, variance, step, 0.0
+            x0, y0 = max(x0, 0), max(y0, 0)
+            x1, y1 = min(x1, W_img), min(y1, H_img)
+            if x1 - x0 < 8 or y1 - y0 < 6:
+                return values, info, corners, variance, step, 0.0
+            patch = image[y0:y1, x0:x1].astype(np.float64)
+            B, residual = _expand(patch, corners, half_code, half_plate, rectangles, levels, shifts, lut, x0, y0, radius)
+            prior = ridge.copy()
+            if radius > 0:
+                prior[13:] = 1e12
+            coefficients, info, rss, count = _solve(B, residual, prior)
+            variance = max(rss, 0.0) / max(count - 18, 1)
+            values = coefficients
+            step = 0.0
+            for k in range(8):
+                step = max(step, abs(coefficients[k]))
+            # an undersampled edge makes steps overshoot: relax when they turn back
+            if (previous * coefficients[:8]).sum() < -0.25 * (previous * previous).sum():
+                relax = max(0.4, relax * 0.7)
+            previous = coefficients[:8].copy()
+            scale = min(relax, (1.5 + radius) / max(step, 1e-9))
+            for k in range(5):
+                shifts[k] += coefficients[8 + k]
+            values[8:13] = shifts
+            for k in range(4):
+                corners[k, 0] += scale * coefficients[2 * k]
+                corners[k, 1] += scale * coefficients[2 * k + 1]
+            if np.abs(corners - start).max() > max_px:
+                return values, info, corners, variance, step, 0.0
+            if step < 0.003:
+                break
+    ok = 1.0 if step < 0.05 else 0.0
+    for k in range(4):
+        values[2 * k] = corners[k, 0]
+        values[2 * k + 1] = corners[k, 1]
+    return values, info, corners, variance, step, ok

@@ -1,0 +1,177 @@
+"""The twin's linear radiance straight from geometry: exact coverage of the known plates, no Blender in the loop.
+
+What the fit renders with; a test holds it to Blender's renders.
+"""
+
+import cv2
+import numpy as np
+
+from gap.raster import add_polygons, running_sum
+from effects.base import highlight_radiance
+from rig.geometry import project, transform
+
+EDGE_STEP_PX = 8.0  # edges bent by a lens are drawn in straight pieces no longer than this
+FAR_M = 1e5
+
+
+def black_rectangles(plate):
+    """Return the black area of a plate as disjoint rectangles (n, 4): x0, y0, x1, y1 in metres, runs along x."""
+    rectangles = []
+    for row in range(len(plate.y_m) - 1):
+        black = np.concatenate([[0], ~plate.white[row], [0]]).astype(int)
+        starts, ends = np.flatnonzero(np.diff(black) == 1), np.flatnonzero(np.diff(black) == -1)
+        for a, b in zip(starts, ends, strict=True):
+            rectangles.append([plate.x_m[a], plate.y_m[row], plate.x_m[b], plate.y_m[row + 1]])
+    return np.array(rectangles, float).reshape(-1, 4)
+
+
+def rectangle_corners(rectangles):
+    """Return (n, 4, 3) corners in the plate's frame, clockwise when seen from the front."""
+    x0, y0, x1, y1 = rectangles.T
+    z = np.zeros_like(x0)
+    return np.stack(
+        [np.stack([x0, y1, z], -1), np.stack([x1, y1, z], -1), np.stack([x1, y0, z], -1), np.stack([x0, y0, z], -1)],
+        axis=1,
+    )
+
+
+class Prints:
+    """All plates of a scene as polygons in the world: outlines (p, 4, 3) and black areas (n, 4, 3)."""
+
+    def __init__(self, plates):
+        outlines, blacks = [], []
+        for plate in plates:
+            outlines.append(plate.outline_world())
+            blacks.append(transform(plate.T_world_plate, rectangle_corners(black_rectangles(plate))))
+        self.outlines = np.array(outlines, float).reshape(-1, 4, 3)
+        self.blacks = np.concatenate(blacks) if blacks else np.zeros((0, 4, 3))
+        self.plate_of_black = np.repeat(np.arange(len(blacks)), [len(b) for b in blacks])
+
+
+def _subdivide(polygons, pieces):
+    """Return polygons (n, m, d) with each edge cut into equal pieces: (n, m * pieces, d)."""
+    following = np.roll(polygons, -1, axis=1)
+    t = np.arange(pieces)[None, None, :, None] / pieces
+    cut = polygons[:, :, None] * (1 - t) + following[:, :, None] * t
+    return cut.reshape(len(polygons), -1, polygons.shape[-1])
+
+
+def _longest_edge_px(pixels):
+    return np.nanmax(np.linalg.norm(pixels - np.roll(pixels, -1, axis=1), axis=-1), initial=0.0)
+
+
+def sky_polygon(view, map_points):
+    """Return the part of the image above the horizon of the ground plane as a polygon (1, m, 2), or None."""
+    R = view.T_cam_world[:3, :3]
+    left, right = -view.margin - 2.0, view.width + view.margin + 1.0
+    # the ground's vanishing line: directions d with d . up = 0, up = the world's z in the camera
+    up = R[:, 2]
+    columns = np.linspace(left, right, 64)
+    rays_x = (columns - view.K[0, 2]) / view.K[0, 0]
+    if abs(up[1]) < 1e-9:
+        return None
+    rays_y = -(up[0] * rays_x + up[2]) / up[1]
+    rows = view.K[1, 1] * rays_y + view.K[1, 2]
+    line = np.stack([columns, rows], -1)
+    if rows.max() < -view.margin - 2 or up[1] > 0:
+        return None
+    if map_points is not None:
+        line = map_points(line)
+    top = min(-view.margin - 10.0, line[:, 1].min() - 1)
+    return np.concatenate([[[line[0, 0] - 50, top], [line[-1, 0] + 50, top]], line[::-1]])[None]
+
+
+def coverages(prints, view, map_points=None):
+    """Return exact coverages of the whole array incl. margin: (plates, black, sky), each (H + 2m, W + 2m).
+
+    map_points takes ideal pixels (n, 2) to image pixels; None is the pinhole.
+    """
+    m = view.margin
+    shape = (view.height + 2 * m, view.width + 2 * m)
+    offset = m + 0.5
+    in_view = visible_plates(prints.outlines, view)
+
+    def draw(polygons_world):
+        out = np.zeros(shape)
+        if len(polygons_world):
+            pixels = project(view.K, view.T_cam_world, polygons_world)
+            if map_points is not None:
+                pieces = max(1, int(np.ceil(_longest_edge_px(pixels) / EDGE_STEP_PX)))
+                pixels = project(view.K, view.T_cam_world, _subdivide(polygons_world, pieces))
+                pixels = map_points(pixels.reshape(-1, 2)).reshape(pixels.shape)
+            acc = np.zeros((shape[0], shape[1] + 2))
+            add_polygons(acc, np.ascontiguousarray(pixels + offset), np.ones(len(pixels)))
+            running_sum(acc, out)
+        return out
+
+    plates = draw(prints.outlines[in_view])
+    black = draw(prints.blacks[np.isin(prints.plate_of_black, np.flatnonzero(in_view))])
+    sky = np.zeros(shape)
+    horizon = sky_polygon(view, map_points)
+    if horizon is not None:
+        acc = np.zeros((shape[0], shape[1] + 2))
+        add_polygons(acc, np.ascontiguousarray(horizon + offset), np.ones(1))
+        running_sum(acc, sky)
+    return plates, black, sky
+
+
+def visible_plates(outlines, view):
+    """Return a mask (p,) of the plates that touch the array (frame and margin) and lie wholly before the camera."""
+    if not len(outlines):
+        return np.zeros(0, bool)
+    depth = transform(view.T_cam_world, outlines)[..., 2]
+    pixels = project(view.K, view.T_cam_world, outlines)
+    m = view.margin
+    inside = (
+        (np.nanmax(pixels[..., 0], 1) > -m - 1)
+        & (np.nanmin(pixels[..., 0], 1) < view.width + m)
+        & (np.nanmax(pixels[..., 1], 1) > -m - 1)
+        & (np.nanmin(pixels[..., 1], 1) < view.height + m)
+    )
+    return inside & (depth > 1e-3).all(1)
+
+
+def shade(scene, view, plates, black, sky, map_points=None):
+    """Return the linear radiance (H + 2m, W + 2m) of coverages under the scene's light.
+
+    The light varies slowly: it is taken at each pixel's centre on the ground plane z = 0.
+    """
+    radiance = scene.ground + (scene.white - scene.ground) * plates + (scene.black - scene.white) * black
+    if scene.light is not None or scene.highlight is not None:
+        x, y = ground_points(view, map_points)
+        if scene.light is not None:
+            factor = 1 + scene.light["gradient_x"] * x + scene.light["gradient_y"] * (y - 1.0)
+            radiance = radiance * np.clip(factor, 0, 4)
+        if scene.highlight is not None:
+            radiance = radiance + plates * highlight_radiance(scene.highlight, view, x, y)
+    return radiance * (1 - sky) + scene.background * sky
+
+
+def ground_points(view, map_points):
+    """Return world x and y (H + 2m, W + 2m) of the ground seen at each pixel; far away above the horizon.
+
+    A lens bends rays: its map is inverted on a coarse grid by fixed-point steps and interpolated.
+    """
+    m, step = view.margin, 8
+    shape = (view.height + 2 * m, view.width + 2 * m)
+    columns = np.arange(-m, view.width + m + step, step, dtype=float)
+    rows = np.arange(-m, view.height + m + step, step, dtype=float)
+    target = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+    ideal = target.copy()
+    if map_points is not None:
+        for _ in range(8):
+            ideal += target - map_points(ideal)
+    ideal = ideal.reshape(len(rows), len(columns), 2)
+    fine_x = (np.arange(shape[1]) / step).astype(np.float32)
+    fine_y = (np.arange(shape[0]) / step).astype(np.float32)
+    grid_x, grid_y = np.meshgrid(fine_x, fine_y)
+    u = cv2.remap(ideal[..., 0].astype(np.float32), grid_x, grid_y, cv2.INTER_LINEAR)
+    v = cv2.remap(ideal[..., 1].astype(np.float32), grid_x, grid_y, cv2.INTER_LINEAR)
+    rays = np.stack([(u - view.K[0, 2]) / view.K[0, 0], (v - view.K[1, 2]) / view.K[1, 1], np.ones_like(u)], -1)
+    R, t = view.T_cam_world[:3, :3], view.T_cam_world[:3, 3]
+    centre = -R.T @ t
+    rays = rays @ R
+    with np.errstate(divide="ignore"):
+        distance = np.where(rays[..., 2] < -1e-6, -centre[2] / rays[..., 2], 1e3)
+    distance = np.minimum(distance, 1e3)
+    return centre[0] + distance * rays[..., 0], centre[1] + distance * rays[..., 1]
