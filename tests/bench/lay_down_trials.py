@@ -1,6 +1,8 @@
-"""Lay down blind campaigns: python tests/bench/lay_down_trials.py --out FOLDER --envelopes FOLDER --kind KIND --count N --seed NAME.
+"""Lay down blind campaigns: python tests/bench/lay_down_trials.py --out FOLDER --envelopes FOLDER --kind KIND
+--count N --seed NAME.
 
-Campaign folders get names that reveal nothing; what is hidden in FOLDER/<name> is in ENVELOPES/<name>/truth.json alone.
+Campaign folders get names that reveal nothing; what is hidden in FOLDER/<name> is in
+ENVELOPES/<name>/truth.json alone.
 """
 
 import argparse
@@ -15,7 +17,9 @@ POWER_STRENGTHS = (0.25, 0.5, 1.0, 2.0)
 
 
 def _dealt(names, index, *seed):
-    """Deal ``names`` like a shuffled pack, a new pack after each round, so that every name comes equally often."""
+    """Deal ``names`` like a shuffled pack, a new pack after each round, so that every name comes equally
+    often.
+    """
     names = list(names)
     order = nominal.rng_of("pack", index // len(names), *seed).permutation(len(names))
     return names[order[index % len(names)]]
@@ -37,10 +41,12 @@ def hidden_effects(kind, index, seed, effect=None):
 
 
 def lay_down_trial(out, envelopes, kind, index, seed, effect=None, strength=None, size="standard"):
-    """Lay down trial ``index`` below ``out`` and its envelope below ``envelopes``; return the campaign's name and truth.
+    """Lay down trial ``index`` below ``out`` and its envelope below ``envelopes``; return the campaign's name
+    and truth.
 
-    Without ``strength``: 1, and for ``power`` the four of ``POWER_STRENGTHS`` in turn. The same seed and index give the same
-    campaign whatever else is laid down; power trials of one effect and round share the draw and differ in strength only.
+    Without ``strength``: 1, and for ``power`` the four of ``POWER_STRENGTHS`` in turn. The same seed and
+    index give the same campaign whatever else is laid down; power trials of one effect and round share the
+    draw and differ in strength only.
     """
     if strength is None:
         strength = POWER_STRENGTHS[index % len(POWER_STRENGTHS)] if kind == "power" else 1.0
@@ -59,7 +65,9 @@ def lay_down_trial(out, envelopes, kind, index, seed, effect=None, strength=None
 
 
 def main(argv=None):
-    """Read the command line and lay the trials down, printing each one's name and nothing of what it hides."""
+    """Read the command line and lay the trials down, printing each one's name and nothing of what it
+    hides.
+    """
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -75,8 +83,8 @@ def main(argv=None):
     parser.add_argument("--strength", type=float, help="1 is clear; 0.25, 0.5, 2 for power curves")
     parser.add_argument("--size", choices=list(nominal.CAMERAS), default="standard")
     a = parser.parse_args(argv)
-    if Path(a.out).resolve() == Path(a.envelopes).resolve():
-        parser.error("--envelopes must not be the folder of the campaigns")
+    if Path(a.envelopes).resolve().is_relative_to(Path(a.out).resolve()):
+        parser.error("--envelopes must not be in the folder of the campaigns")
     if a.strength is not None and a.strength <= 0:
         parser.error("--strength must be above 0; for nothing hidden use --kind none")
     if (a.kind == "outside" and a.effect in LIBRARY) or (

@@ -1,4 +1,6 @@
-"""One campaign: the plates as they really stand, every capture formed and written, the truth laid in an envelope."""
+"""One campaign: the plates as they really stand, every capture formed and written, the truth laid in an
+envelope.
+"""
 
 import json
 from pathlib import Path
@@ -8,15 +10,17 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from generator import light, nominal, optics, processing, rays, sensor, tracer
-from generator.vocabulary import LIBRARY, library_parameters
+from generator.vocabulary import LIBRARY, OUTSIDE, library_parameters
 
 NET = tracer.sobol_net()
 
 
 def true_plates(effects, seed_name):
-    """Return what stands on the rail: rotations (P, 3, 3) plate to world, centres (P, 3) m, cells (P, 7, 7), to_code (P, 2, 3).
+    """Return what stands on the rail: rotations (P, 3, 3) plate to world, centres (P, 3) m, cells (P, 7, 7),
+    to_code (P, 2, 3).
 
-    ``to_code`` takes plate metres (x right, y up) to module coordinates (u right, v down), through the print's errors.
+    ``to_code`` takes plate metres (x right, y up) to module coordinates (u right, v down), through the
+    print's errors.
     """
     rng = nominal.rng_of("plates", seed_name)
     rotations, centres, cells, to_code = [], [], [], []
@@ -30,7 +34,7 @@ def true_plates(effects, seed_name):
             d = m["y"] - middle
             z = np.sign(p["sag_m"]) * (radius - depth - np.sqrt(radius**2 - d**2))
             slope = np.arctan2(np.sign(p["sag_m"]) * d, np.sqrt(radius**2 - d**2))
-            centre, rotation = centre + [0, 0, z], Rotation.from_rotvec([slope, 0, 0]).as_matrix()
+            centre, rotation = centre + np.array([0, 0, z]), Rotation.from_rotvec([slope, 0, 0]).as_matrix()
         if p := effects.get("plate_tilt_jitter"):
             turn = np.radians(p["angle_deg"]) * rng.standard_normal(3)
             rotation = rotation @ Rotation.from_rotvec(turn).as_matrix()
@@ -47,7 +51,9 @@ def true_plates(effects, seed_name):
 
 
 def plate_maps(plates, row_rotations, row_centres):
-    """Return maps (P, n, 3, 3) from camera directions to plate metres and the camera's centre in plates' frames (P, 3)."""
+    """Return maps (P, n, 3, 3) from camera directions to plate metres and the camera's centre in plates'
+    frames (P, 3).
+    """
     rotations, centres = plates[0], plates[1]
     axes = np.einsum("nij,pjk->pnik", row_rotations, rotations[:, :, :2])
     offset = np.einsum("nij,pnj->pni", row_rotations, centres[:, None] - row_centres[None])
@@ -96,7 +102,9 @@ def trace_capture(camera, plates, grids, rotation, centre, effects, margin, fine
 
 
 class CampaignCamera:
-    """A camera, its hidden effects and what all captures share: bent rays, true plates, the fixed pattern's seed."""
+    """A camera, its hidden effects and what all captures share: bent rays, true plates, the fixed pattern's
+    seed.
+    """
 
     def __init__(self, camera, effects, seed_name):
         self.camera, self.effects, self.seed_name = camera, effects, seed_name
@@ -107,7 +115,9 @@ class CampaignCamera:
         self.plates = true_plates(effects, seed_name)
 
     def linear_light(self, rotation, centre):
-        """Return linear light on the sensor (H, W, 1 or 3), noise-free, of a camera at ``rotation`` (R_cam_world), ``centre`` m."""
+        """Return linear light on the sensor (H, W, 1 or 3), noise-free, of a camera at ``rotation``
+        (R_cam_world), ``centre`` m.
+        """
         rotation, centre = rays.capture_pose(rotation, centre, self.effects)
         image = trace_capture(
             self.camera, self.plates, self.grids, rotation, centre, self.effects, self.margin, self.fine
@@ -126,7 +136,9 @@ class CampaignCamera:
 
 
 def _captures(camera, size, seed_name):
-    """Yield (capture, height_m, tilt_deg, trial, R_cam_world, centre, pose error) with the tolerance drawn per capture."""
+    """Yield (capture, height_m, tilt_deg, trial, R_cam_world, centre, pose error) with the tolerance drawn
+    per capture.
+    """
     for height, tilt in nominal.stations(size):
         for trial in range(nominal.TRIALS):
             capture = f"{camera.name}_h{round(height * 100):03d}_t{tilt}_r{trial}"
@@ -150,22 +162,27 @@ def _write_tables(folder, camera, captures):
     reflectance = "".join(f"  {k}: {v}\n" for k, v in nominal.REFLECTANCE.items())
     text = (
         f"schema: 1\nname: {folder.name}\norigin: simulated\nmarkers: markers.csv\ncaptures: captures.csv\n"
-        f"cameras:\n  {camera.name}:\n    width: {camera.width}\n    height: {camera.height}\n    fx: {camera.fx}\n"
-        f"    fy: {camera.fx}\n    cx: {camera.cx}\n    cy: {camera.cy}\nreflectance:\n{reflectance}"
+        f"cameras:\n  {camera.name}:\n    width: {camera.width}\n    height: {camera.height}\n"
+        f"    fx: {camera.fx}\n    fy: {camera.fx}\n    cx: {camera.cx}\n    cy: {camera.cy}\nreflectance:\n{reflectance}"
         f"exposure: 1.0\nencoding: srgb\nnoise_dn: {nominal.NOISE_DN}\ntolerance:\n"
         f"  position_m: {nominal.TOLERANCE_POSITION_M}\n  angle_deg: {nominal.TOLERANCE_ANGLE_DEG}\n"
     )
+    # Last of all: a folder whose making was cut short has no campaign.yaml.
     (folder / "campaign.yaml").write_text(text, encoding="utf-8")
 
 
 def generate_campaign(folder, envelope, effects, seed_name, size="standard", camera=None, notes=None):
-    """Lay down one campaign in ``folder`` (its name becomes the campaign's) and its truth in ``envelope``/truth.json.
+    """Lay down one campaign in ``folder`` (its name becomes the campaign's) and its truth in
+    ``envelope``/truth.json.
 
-    ``effects``: list of (name, parameters in this generator's units, see ``draw_effect``). ``size``: ``standard`` (20 captures
-    of half a megapixel), ``small`` (8 of 768 x 432), ``tiny`` (4 of 384 x 216). ``camera``: a name among that size's cameras
-    (default: the first). ``notes``: further keys of the envelope. Same arguments, same bytes.
+    ``effects``: list of (name, parameters in this generator's units, see ``draw_effect``). ``size``:
+    ``standard`` (20 captures of half a megapixel), ``small`` (8 of 768 x 432), ``tiny`` (4 of 384 x 216).
+    ``camera``: a name among that size's cameras (default: the first). ``notes``: further keys of the
+    envelope. Same arguments, same bytes.
     """
     folder, envelope = Path(folder), Path(envelope)
+    if unknown := [name for name, _ in effects if name not in LIBRARY and name not in OUTSIDE]:
+        raise ValueError(f"no such effects: {unknown}; allowed: {[*LIBRARY, *OUTSIDE]}")
     cameras = {c.name: c for c in nominal.CAMERAS[size]}
     camera = cameras[camera] if camera else nominal.CAMERAS[size][0]
     (folder / "images" / camera.name).mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,6 @@
-"""Light that is not ambient and even: a near lamp, its glossy reflection on the plates, haze. All at pixel centres."""
+"""Light that is not ambient and even: a near lamp, its glossy reflection on the plates, haze. All at pixel
+centres.
+"""
 
 import numpy as np
 
@@ -10,7 +12,9 @@ def _centres(dx, dy):
 
 
 def ground_hits(dx, dy, rotation, centre):
-    """Return world x, y (m; NaN above the horizon) where pixel centres see the ground, and the depth along the axis, m."""
+    """Return world x, y (m; NaN above the horizon) where pixel centres see the ground, and the depth along
+    the axis, m.
+    """
     x, y = _centres(dx, dy)
     world = [rotation[0, k] * x + rotation[1, k] * y + rotation[2, k] for k in range(3)]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -19,7 +23,9 @@ def ground_hits(dx, dy, rotation, centre):
 
 
 def lamp_irradiance(x, y, lamp):
-    """Return the light at ground points over that at the rig's centre (0, 1 m): ambient and a point lamp's cos / r^2."""
+    """Return the light at ground points over that at the rig's centre (0, 1 m): ambient and a point lamp's
+    cos / r^2.
+    """
 
     def near(px, py):
         d2 = (px - lamp["x_m"]) ** 2 + (py - lamp["y_m"]) ** 2 + lamp["z_m"] ** 2
@@ -30,7 +36,9 @@ def lamp_irradiance(x, y, lamp):
 
 
 def glossy_radiance(x, y, centre, lamp):
-    """Return the radiance a glossy horizontal sheet at (x, y) adds: Blinn's half-vector lobe with Schlick's Fresnel."""
+    """Return the radiance a glossy horizontal sheet at (x, y) adds: Blinn's half-vector lobe with Schlick's
+    Fresnel.
+    """
     light = np.stack([lamp["x_m"] - x, lamp["y_m"] - y, np.full_like(x, lamp["z_m"])])
     eye = np.stack([centre[0] - x, centre[1] - y, np.full_like(x, centre[2])])
     light /= np.linalg.norm(light, axis=0)

@@ -1,4 +1,6 @@
-"""The nominal rig: cameras, stations, plates and the bits printed on them, as the campaign format states them."""
+"""The nominal rig: cameras, stations, plates and the bits printed on them, as the campaign format states
+them.
+"""
 
 import hashlib
 from dataclasses import dataclass
@@ -75,8 +77,8 @@ def markers():
 def black_modules(dictionary, number):
     """Return the 7 x 7 modules of a code, row 0 at the top; 1 is black.
 
-    Read from OpenCV's byte list: the four rotations one after the other, whatever its shape says; eight bits a byte, most
-    significant first, the rest in the last byte's low bits.
+    Read from OpenCV's byte list: the four rotations one after the other, whatever its shape says; eight bits
+    a byte, most significant first, the rest in the last byte's low bits.
     """
     table = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
     side = table.markerSize
@@ -92,7 +94,9 @@ def black_modules(dictionary, number):
 
 
 def station_rotation(tilt_deg):
-    """Return R_cam_world (3, 3) of a station: camera x right, y down, z forward, the axis ``tilt_deg`` below level."""
+    """Return R_cam_world (3, 3) of a station: camera x right, y down, z forward, the axis ``tilt_deg`` below
+    level.
+    """
     c, s = np.cos(np.radians(tilt_deg)), np.sin(np.radians(tilt_deg))
     return np.array([[1.0, 0.0, 0.0], [0.0, -s, -c], [0.0, c, -s]])
 

@@ -1,7 +1,7 @@
 """What the lens does to radiance: spread (on a grid three times finer than the pixels), shading, stray light.
 
-Every spread is a sum over fine samples with the pixel's own box folded into the kernel; kernels have the second moment
-that the physical spread has, so the fine grid adds no blur of its own.
+Every spread is a sum over fine samples with the pixel's own box folded into the kernel; kernels have the
+second moment that the physical spread has, so the fine grid adds no blur of its own.
 """
 
 import numpy as np
@@ -15,7 +15,9 @@ DISC_STEP = 1 / 16
 
 @njit(cache=True)
 def _gather(image, kernels, reach, which, stride):
-    """Return (rows / stride, columns / stride): sums over ``image`` weighted by kernel ``which`` of each output pixel."""
+    """Return (rows / stride, columns / stride): sums over ``image`` weighted by kernel ``which`` of each
+    output pixel.
+    """
     rows, columns = image.shape[0] // stride, image.shape[1] // stride
     middle = kernels.shape[1] // 2
     out = np.empty((rows, columns), np.float32)
@@ -105,7 +107,9 @@ def _disc(radius, side):
 
 
 def _disc_kernels(largest, stride):
-    """Return kernels for discs of radius 0, 1/16, 2/16, ... fine samples, each with a disc's second moment, and reaches."""
+    """Return kernels for discs of radius 0, 1/16, 2/16, ... fine samples, each with a disc's second moment,
+    and reaches.
+    """
     side = 2 * int(np.ceil(largest + 1.5)) + 1
     axis = np.arange(side) - side // 2
     radii = np.arange(0, largest + 1.0, DISC_STEP / 2)
@@ -123,7 +127,9 @@ def _disc_kernels(largest, stride):
 
 
 def _smear(length, angle_deg):
-    """Return the kernel of a straight smear in fine samples: time steps laid down with Keys' cubic, which adds no blur."""
+    """Return the kernel of a straight smear in fine samples: time steps laid down with Keys' cubic, which
+    adds no blur.
+    """
     times = (np.arange(int(np.ceil(length * 16)) + 16) + 0.5) / (int(np.ceil(length * 16)) + 16) - 0.5
     side = 2 * int(np.ceil(length / 2 + 2)) + 1
     axis = np.arange(side) - side // 2
@@ -162,7 +168,9 @@ def disc_radius_px(name, depth, camera, effects, margin, fine):
 
 
 def spread(fine_image, depth, camera, effects, margin):
-    """Apply every spread among ``effects`` to a grid ``FINE`` times finer than pixels; return it at pixels, box included."""
+    """Apply every spread among ``effects`` to a grid ``FINE`` times finer than pixels; return it at pixels,
+    box included.
+    """
     names = [n for n in SPREADS if n in effects]
     if "lens_blur" in names:  # last: its separable form brings the image down to pixels at little cost
         names = [n for n in names if n != "lens_blur"] + ["lens_blur"]
@@ -192,7 +200,9 @@ def spread(fine_image, depth, camera, effects, margin):
 
 
 def stray_light(image, camera, effects, margin):
-    """Apply vignetting, ghosts, dust, flare and veiling glare to linear ``image`` (H, W, C) with ``margin`` pixels around."""
+    """Apply vignetting, ghosts, dust, flare and veiling glare to linear ``image`` (H, W, C) with ``margin``
+    pixels around.
+    """
     radius = _radius_px(camera, margin, 1)
     if p := effects.get("ghost_double"):
         moved = np.roll(image, (p["dy_px"], p["dx_px"]), (0, 1))

@@ -1,4 +1,6 @@
-"""What a camera's processor does to encoded values: denoise, sharpen, tone, compress. In this order, after the noise."""
+"""What a camera's processor does to encoded values: denoise, sharpen, tone, compress. In this order, after
+the noise.
+"""
 
 import io
 
@@ -13,7 +15,9 @@ from generator.optics import soften
 
 @njit(cache=True)
 def _bilateral(image, radius, sigma_px, sigma_dn):
-    """Bilateral filter (Tomasi and Manduchi 1998) within each channel; weights are tabulated in steps of 1/4 DN."""
+    """Bilateral filter (Tomasi and Manduchi 1998) within each channel; weights are tabulated in steps of 1/4
+    DN.
+    """
     rows, columns, channels = image.shape
     table = np.exp(-0.5 * (np.arange(1600) / 4.0 / sigma_dn) ** 2).astype(np.float32)
     out = np.empty_like(image)

@@ -7,7 +7,9 @@ from scipy.spatial.transform import Rotation
 
 @njit(cache=True)
 def _undo_brown(x, y, k1, k2, p1, p2):
-    """Replace distorted (x, y) by the undistorted, in place: Newton on Brown's polynomial (OpenCV's k1, k2, p1, p2)."""
+    """Replace distorted (x, y) by the undistorted, in place: Newton on Brown's polynomial (OpenCV's k1, k2,
+    p1, p2).
+    """
     for n in range(x.size):
         xd, yd = x.flat[n], y.flat[n]
         u, v = xd, yd
@@ -30,9 +32,11 @@ def _undo_brown(x, y, k1, k2, p1, p2):
 
 
 def pixel_directions(u, v, camera, effects, channel):
-    """Return camera-frame directions x, y (z = 1) seen at the pixel coordinates ``u``, ``v`` of channel 0, 1, 2 (R, G, B).
+    """Return camera-frame directions x, y (z = 1) seen at the pixel coordinates ``u``, ``v`` of channel 0, 1,
+    2 (R, G, B).
 
-    Undone in the order from sensor to scene: local warp, channel magnification, principal point and focal length, lens.
+    Undone in the order from sensor to scene: local warp, channel magnification, principal point and focal
+    length, lens.
     """
     u, v = np.array(u, float), np.array(v, float)
     if warp := effects.get("local_warp"):
@@ -64,7 +68,9 @@ def pixel_directions(u, v, camera, effects, channel):
 
 
 def corner_grid(camera, effects, channel, margin, fine):
-    """Return the directions at the corners of the pixels, ``fine`` sub-pixels a side, ``margin`` pixels around the frame."""
+    """Return the directions at the corners of the pixels, ``fine`` sub-pixels a side, ``margin`` pixels
+    around the frame.
+    """
     u = np.arange((camera.width + 2 * margin) * fine + 1) / fine - margin - 0.5
     v = np.arange((camera.height + 2 * margin) * fine + 1) / fine - margin - 0.5
     if not {"radial_distortion", "tangential_distortion", "local_warp"} & effects.keys() and (
@@ -84,7 +90,9 @@ def corner_grid(camera, effects, channel, margin, fine):
 
 
 def capture_pose(rotation, centre, effects):
-    """Return R_cam_world and the centre (m) of a capture after the mount's offset, given in the nominal camera's frame."""
+    """Return R_cam_world and the centre (m) of a capture after the mount's offset, given in the nominal
+    camera's frame.
+    """
     if offset := effects.get("camera_pose_offset"):
         centre = centre + rotation.T @ np.array(offset["centre_cam_m"])
         rotation = Rotation.from_rotvec(offset["rotvec_cam_deg"], degrees=True).as_matrix() @ rotation
@@ -92,7 +100,9 @@ def capture_pose(rotation, centre, effects):
 
 
 def row_poses(rotation, centre, camera, effects, margin, fine):
-    """Return R_cam_world (n, 3, 3) and centres (n, 3): one for a global shutter, one a (sub-)row for a moving camera."""
+    """Return R_cam_world (n, 3, 3) and centres (n, 3): one for a global shutter, one a (sub-)row for a moving
+    camera.
+    """
     shutter, fields = effects.get("rolling_shutter"), effects.get("interlacing")
     moving = (shutter and shutter["model"] == "moving camera") or fields
     if not moving:

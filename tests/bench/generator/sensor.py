@@ -1,4 +1,6 @@
-"""From light on the sensor to grey levels: exposure, electrons, fixed pattern, colour mosaic, white balance, encoding."""
+"""From light on the sensor to grey levels: exposure, electrons, fixed pattern, colour mosaic, white balance,
+encoding.
+"""
 
 import numpy as np
 from scipy.ndimage import convolve
@@ -22,7 +24,9 @@ def _mosaic_masks(shape, phase):
 
 
 def demosaic(image, p):
-    """Sample ``image`` (H, W, 3) through a Bayer mosaic and interpolate: ``bilinear`` or ``malvar`` (Malvar 2004)."""
+    """Sample ``image`` (H, W, 3) through a Bayer mosaic and interpolate: ``bilinear`` or ``malvar`` (Malvar
+    2004).
+    """
     masks = _mosaic_masks(image.shape[:2], p["first_red"])
     raw = sum(np.where(mask, image[..., k], 0.0) for k, mask in enumerate(masks))
     if p["method"] == "bilinear":
@@ -77,7 +81,8 @@ def demosaic(image, p):
 
 
 def read_out(image, camera, effects, campaign_rng, capture_rng):
-    """Return encoded values 0..255, unrounded (H, W, 3), of linear light (H, W, 1 or 3) times the nominal exposure.
+    """Return encoded values 0..255, unrounded (H, W, 3), of linear light (H, W, 1 or 3) times the nominal
+    exposure.
 
     ``campaign_rng`` draws what is the same in every capture (fixed pattern), ``capture_rng`` what is not.
     """
@@ -90,7 +95,8 @@ def read_out(image, camera, effects, campaign_rng, capture_rng):
         rows = np.arange(camera.height)[:, None, None]
         image = image * (1 + p["depth"] * np.sin(2 * np.pi * rows / p["period_rows"] + phase))
     if {"sensor_noise", "fixed_pattern_noise", "hot_pixels"} & effects.keys():
-        # One electron count a site and channel: a three-chip camera, or the mosaic below picks one of the three.
+        # One electron count a site and channel: a three-chip camera, or the mosaic below picks one of the
+        # three.
         image = np.repeat(image, 3, axis=2) if image.shape[2] == 1 else image
     if p := effects.get("fixed_pattern_noise"):
         gain = campaign_rng.standard_normal(image.shape[:2])[..., None]

@@ -1,7 +1,9 @@
-"""What may be hidden: 29 effects of the library's list and ten outside it, each drawn at a strength in physical units.
+"""What may be hidden: 29 effects of the library's list and ten outside it, each drawn at a strength in
+physical units.
 
-``strength`` 1 is *clear*: comfortably visible on this rig. Deviations from the ideal are proportional to it, so that 0.25,
-0.5, 1, 2 make a power curve. Parameters are plain numbers, strings and lists: what is drawn is what the envelope holds.
+``strength`` 1 is *clear*: comfortably visible on this rig. Deviations from the ideal are proportional to it,
+so that 0.25, 0.5, 1, 2 make a power curve. Parameters are plain numbers, strings and lists: what is drawn is
+what the envelope holds.
 """
 
 import numpy as np
@@ -22,7 +24,9 @@ def _direction(rng, n):
 
 
 def camera_pose_offset(rng, s, camera):
-    """Mounted off its place: the centre by 10 to 20 mm, turned by 1.0 to 1.8 degrees, in the nominal camera's frame."""
+    """Mounted off its place: the centre by 10 to 20 mm, turned by 1.0 to 1.8 degrees, in the nominal camera's
+    frame.
+    """
     return {
         "centre_cam_m": s * rng.uniform(0.010, 0.020) * _direction(rng, 3),
         "rotvec_cam_deg": s * rng.uniform(1.0, 1.8) * _direction(rng, 3),
@@ -35,12 +39,16 @@ def marker_scale(rng, s, camera):
 
 
 def rail_sag(rng, s, camera):
-    """Plates on an arc of a circle through y = 0 and y = 2.1 m at height 0, 8 to 18 mm below (or above) it in the middle."""
+    """Plates on an arc of a circle through y = 0 and y = 2.1 m at height 0, 8 to 18 mm below (or above) it in
+    the middle.
+    """
     return {"sag_m": s * _sign(rng) * rng.uniform(0.008, 0.018), "y_start_m": 0.0, "y_end_m": 2.1}
 
 
 def ink_spread(rng, s, camera):
-    """The outline of black moved outwards by 0.35 to 0.8 mm (Euclidean: outer corners round off), or inwards."""
+    """The outline of black moved outwards by 0.35 to 0.8 mm (Euclidean: outer corners round off), or
+    inwards.
+    """
     return {"spread_m": s * _sign(rng) * rng.uniform(0.00035, 0.0008)}
 
 
@@ -64,7 +72,9 @@ def illumination_gradient(rng, s, camera):
 
 
 def specular_highlight(rng, s, camera):
-    """A lamp whose glossy reflection wanders over the plates in the middle of the rail as the camera rises."""
+    """A lamp whose glossy reflection wanders over the plates in the middle of the rail as the camera
+    rises.
+    """
     return {
         "strength": s * rng.uniform(0.15, 0.35),
         "exponent": rng.uniform(60, 250),
@@ -89,7 +99,9 @@ def principal_point(rng, s, camera):
 
 
 def radial_distortion(rng, s, camera):
-    """Displaced by 4 to 9 % of the radius in the corners: Brown's polynomial, or a quarter of the time a division model."""
+    """Displaced by 4 to 9 % of the radius in the corners: Brown's polynomial, or a quarter of the time a
+    division model.
+    """
     r2 = (camera.corner_px / camera.fx) ** 2
     corner = s * _sign(rng) * rng.uniform(0.04, 0.09)
     if rng.random() < 0.25:
@@ -121,14 +133,18 @@ def lens_blur(rng, s, camera):
 
 
 def defocus(rng, s, camera):
-    """Thin lens focused at 0.5 to 2 m; the disc for a point 0.6 m away or at 2 m has a radius of 2 to 3.5 px."""
+    """Thin lens focused at 0.5 to 2 m; the disc for a point 0.6 m away or at 2 m has a radius of 2 to
+    3.5 px.
+    """
     focus = rng.uniform(0.5, 2.0)
     worst = max(abs(1 / 0.6 - 1 / focus), abs(1 / 2.0 - 1 / focus))
     return {"focus_m": focus, "aperture_m": s * 2 * rng.uniform(2.0, 3.5) / (camera.fx * worst)}
 
 
 def field_curvature(rng, s, camera):
-    """Sharp in the centre, a disc that grows with the square of the image radius to 2.5 to 5 px in the corners."""
+    """Sharp in the centre, a disc that grows with the square of the image radius to 2.5 to 5 px in the
+    corners.
+    """
     return {"corner_radius_px": s * rng.uniform(2.5, 5.0)}
 
 
@@ -153,7 +169,9 @@ def motion_blur(rng, s, camera):
 
 
 def rolling_shutter(rng, s, camera):
-    """Rows read one after the other: a uniform shear, or a camera that turns (mostly pans) and slides; 0.006 to 0.014 px a row."""
+    """Rows read one after the other: a uniform shear, or a camera that turns (mostly pans) and slides; 0.006
+    to 0.014 px a row.
+    """
     skew = s * _sign(rng) * rng.uniform(0.006, 0.014)
     if rng.random() < 0.5:
         return {"model": "shear", "skew_px_per_row": skew}
@@ -179,7 +197,9 @@ def sensor_noise(rng, s, camera):
 
 
 def fixed_pattern_noise(rng, s, camera):
-    """Gain of each pixel 1.2 to 2.5 % and offset of each column 0.002 to 0.005 of full scale, the same in every capture."""
+    """Gain of each pixel 1.2 to 2.5 % and offset of each column 0.002 to 0.005 of full scale, the same in
+    every capture.
+    """
     return {
         "pixel_gain_std": s * rng.uniform(0.012, 0.025),
         "column_offset_std": s * rng.uniform(0.002, 0.005),
@@ -187,7 +207,9 @@ def fixed_pattern_noise(rng, s, camera):
 
 
 def bayer_demosaic(rng, s, camera):
-    """Bayer mosaic, bilinear or Malvar interpolation; a strength below 1 blends with the full image (no such thing above 1)."""
+    """Bayer mosaic, bilinear or Malvar interpolation; a strength below 1 blends with the full image (no such
+    thing above 1).
+    """
     return {
         "method": str(rng.choice(["bilinear", "malvar"])),
         "first_red": [int(k) for k in rng.integers(0, 2, 2)],
@@ -234,7 +256,9 @@ def denoising(rng, s, camera):
 
 
 def jpeg_compression(rng, s, camera):
-    """libjpeg at a quantisation 1.2 to 2.8 times the standard tables' (quality 42 to 18), with or without colour subsampling."""
+    """libjpeg at a quantisation 1.2 to 2.8 times the standard tables' (quality 42 to 18), with or without
+    colour subsampling.
+    """
     coarseness = 100 * s * rng.uniform(1.2, 2.8)
     quality = (200 - coarseness) / 2 if coarseness < 100 else 5000 / coarseness
     return {
@@ -244,7 +268,9 @@ def jpeg_compression(rng, s, camera):
 
 
 def local_warp(rng, s, camera):
-    """Five smooth bumps, the largest displacement 2.5 to 5 px (of 960 px width): output pixel u shows the ideal u + push."""
+    """Five smooth bumps, the largest displacement 2.5 to 5 px (of 960 px width): output pixel u shows the
+    ideal u + push.
+    """
     n = 5
     pushes = np.array([_direction(rng, 2) for _ in range(n)]) * rng.uniform(0.5, 1.0, (n, 1))
     pushes *= s * rng.uniform(2.5, 5.0) * camera.width / 960 / np.linalg.norm(pushes, axis=1).max()
@@ -259,7 +285,9 @@ def local_warp(rng, s, camera):
 
 
 def lens_flare(rng, s, camera):
-    """Ghost discs on a line through the centre and a star, from a light outside the picture, the same in every capture."""
+    """Ghost discs on a line through the centre and a star, from a light outside the picture, the same in
+    every capture.
+    """
     angle, reach = rng.uniform(0, 2 * np.pi), rng.uniform(0.25, 0.4) * camera.width
     ghosts = [
         [
@@ -339,8 +367,8 @@ def ghost_double(rng, s, camera):
 
 _SCENE = (camera_pose_offset, marker_scale, rail_sag, ink_spread, ink_reflectance, illumination_gradient,
           specular_highlight)  # fmt: skip
-_LENS = (focal_length, principal_point, radial_distortion, tangential_distortion, lateral_chromatic_aberration,
-         lens_blur, defocus, field_curvature, vignetting, veiling_glare)  # fmt: skip
+_LENS = (focal_length, principal_point, radial_distortion, tangential_distortion,
+         lateral_chromatic_aberration, lens_blur, defocus, field_curvature, vignetting, veiling_glare)  # fmt: skip
 _SHUTTER = (motion_blur, rolling_shutter)
 _SENSOR = (exposure, sensor_noise, fixed_pattern_noise, bayer_demosaic)
 _PROCESSING = (colour_balance, tone_curve, sharpening, denoising, jpeg_compression, local_warp)
@@ -360,37 +388,50 @@ def _plain(value):
 
 
 def draw_effect(name, strength, camera, seed_name):
-    """Return parameters of effect ``name`` drawn at ``strength`` (1: clear) for a ``nominal.Camera``; KeyError if unknown."""
+    """Return parameters of effect ``name`` drawn at ``strength`` (1: clear) for a ``nominal.Camera``;
+    KeyError if unknown.
+    """
     draw = LIBRARY.get(name) or OUTSIDE[name]
     return _plain(draw(nominal.rng_of("effect", name, seed_name), float(strength), camera))
 
 
+# Our parameters are the usual ones; the keys that are handed on.
+_SAME = {
+    "camera_pose_offset": ("centre_cam_m", "rotvec_cam_deg"),
+    "marker_scale": ("scale",),
+    "rail_sag": ("sag_m",),
+    "ink_spread": ("spread_m",),
+    "ink_reflectance": ("white", "black"),
+    "focal_length": ("ratio",),
+    "principal_point": ("dx_px", "dy_px"),
+    "tangential_distortion": ("p1", "p2"),
+    "lateral_chromatic_aberration": ("red", "blue"),
+    "lens_blur": ("sigma_px",),
+    "field_curvature": ("corner_radius_px",),
+    "vignetting": ("corner_falloff",),
+    "veiling_glare": ("share",),
+    "motion_blur": ("length_px", "angle_deg"),
+    "exposure": ("scale",),
+    "sensor_noise": ("full_well_e", "read_noise_e"),
+    "fixed_pattern_noise": ("pixel_gain_std", "column_offset_std"),
+    "colour_balance": ("red", "green", "blue"),
+    "sharpening": ("amount", "sigma_px"),
+    "jpeg_compression": ("quality",),
+}
+
+
 def library_parameters(name, p, camera):
-    """Return the parameters that map exactly to the usual convention (see docs/blind-trials.md), or None."""
-    if name in ("marker_scale", "ink_spread", "ink_reflectance", "focal_length", "principal_point", "veiling_glare",
-                "tangential_distortion", "lens_blur", "exposure", "rail_sag", "motion_blur",
-                "field_curvature", "camera_pose_offset", "sensor_noise", "fixed_pattern_noise"):  # fmt: skip
-        exact = dict(p)
-        if name == "sensor_noise":
-            exact["variance_slope"] = 1 / p["full_well_e"]
-            exact["variance_offset"] = (p["read_noise_e"] / p["full_well_e"]) ** 2
-        if name == "rail_sag":
-            exact = {"sag_m": p["sag_m"]}
-        return exact
+    """Return the parameters in the usual conventions (docs/blind-trials.md), None where none maps exactly."""
+    if name in _SAME:
+        usual = {key: p[key] for key in _SAME[name]}
+        if name == "sensor_noise":  # variance of linear values = slope x value + offset (EMVA 1288)
+            usual["variance_slope"] = 1 / p["full_well_e"]
+            usual["variance_offset"] = (p["read_noise_e"] / p["full_well_e"]) ** 2
+        return usual
     if name == "radial_distortion" and p["model"] == "brown":
         return {"k1": p["k1"], "k2": p["k2"]}
     if name == "rolling_shutter" and p["model"] == "shear":
         return {"skew_px_per_row": p["skew_px_per_row"]}
-    if name == "lateral_chromatic_aberration":
-        return {"red": p["red"], "blue": p["blue"]}
-    if name == "vignetting":
-        return {"corner_falloff": p["corner_falloff"]}
     if name == "defocus":
         return {"focus_m": p["focus_m"], "blur_diameter_px_m": p["aperture_m"] * camera.fx}
-    if name == "colour_balance":
-        return {"red": p["red"], "green": p["green"], "blue": p["blue"]}
-    if name == "sharpening":
-        return {"amount": p["amount"], "sigma_px": p["sigma_px"]}
-    if name == "jpeg_compression":
-        return {"quality": p["quality"]}
     return None
