@@ -3,19 +3,22 @@
 Losses are sums of the robust loss over whitened residuals (gap.fit); gaps are in units of the floor.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import zip_longest
 
 import numpy as np
-
 from effects import pipeline
-from gap.fit import NU, RHO_NOISE, Fitter, State, flatten, is_geometric, rho, spec
+from rig.geometry import station_pose
+
+from gap.fit import NU, RHO_NOISE, Fitter, State, flatten, is_geometric, rho, spec, width_of
+from gap.observe import SMALLEST_SIDE_PX, code_sides_px, wholly_inside
 
 GAP_GROUPS = ("corners", "levels", "edges", "colour", "field", "noise")
 MOST_STATIONS = 0.7  # share of held-out stations that must gain
 LEAST_GAIN = 25.0  # and the least gain in loss that is worth a name
 LEAST_PROMISE = 12.0  # first-order gain in training loss below which an effect is not fitted
-LARGEST_FLOOR = 1.5  # trials of a station differ by more only where the twin is still wrong
+# Floors come from trials; they differ by more only where the twin is still wrong
+SMALLEST_FLOOR, LARGEST_FLOOR = 0.1, 1.5
 ENOUGH = 1.10  # a gap up to this, in units of the floor, is the floor
 
 
@@ -61,7 +64,10 @@ def starts_of(effect):
     columns = [p.starts for p in parameters.values()]
     rows = zip_longest(*columns)
     return [
-        {k: (columns[i][0] if value is None else value) for i, (k, value) in enumerate(zip(parameters, row, strict=True))}
+        {
+            k: (columns[i][0] if value is None else value)
+            for i, (k, value) in enumerate(zip(parameters, row, strict=True))
+        }
         for row in rows
     ]
 
@@ -97,7 +103,7 @@ def gap_error(groups, floors):
 
 
 def floors_of(case, groups):
-    """Return {group: floor}: how far trials of one station lie apart, in whitened units; at least 1.
+    """Return {group: floor}: how far trials of one station lie apart, in whitened units.
 
     Differences of two trials' residuals, over the square root of two, free of what the twin lacks.
     """
@@ -121,7 +127,11 @@ def floors_of(case, groups):
     floors = {}
     for name, values in differences.items():
         if values and sum(v.size for v in values) >= 20:
-            floors[name] = float(np.clip(np.sqrt(rho(np.concatenate(values)).mean() / RHO_NOISE), 1.0, LARGEST_FLOOR))
+            floors[name] = float(
+                np.clip(
+                    np.sqrt(rho(np.concatenate(values)).mean() / RHO_NOISE), SMALLEST_FLOOR, LARGEST_FLOOR
+                )
+            )
     return floors
 
 
@@ -135,6 +145,7 @@ class Diagnosis:
         self.train, self.test = usable(train, case), usable(test, case)
         self.candidates = list(candidates or pipeline.available_effects())
         self.effects = []
+        self.fixed = set()  # effects whose parameters the user fixed: never refitted, never dropped
         self.poses = np.zeros((len(case.captures), 6))
 
     def set_base(self, effects, free=()):
@@ -165,7 +176,8 @@ class Diagnosis:
         indices = self.train[:: max(1, len(self.train) // 6)][:6]
         predictions, _ = self.fitter.start(effects, self.poses, indices)
         groups = self.fitter.residuals_of(effects, self.poses, predictions, indices)
-        H, g, _ = self.fitter._normal_equations(effects, free, self.poses, predictions, groups, indices, NU)
+        nu = NU * width_of(groups) ** 2
+        H, g, _ = self.fitter.normal_equations(effects, free, self.poses, predictions, groups, indices, nu)
         scale = np.sqrt(np.maximum(np.diag(H), 1e-12))
         g, H = g / scale, H / np.outer(scale, scale)
         gain = float(g @ np.linalg.lstsq(H + 1e-6 * np.eye(len(g)), g, rcond=None)[0])
@@ -190,7 +202,9 @@ class Diagnosis:
         if len(starts) > 1:
             scored = []
             for start in starts:
-                fit = self.fitter.fit(self.effects + [(effect, start)], free, self.poses, probe, iterations=2, scale=8.0)
+                fit = self.fitter.fit(
+                    self.effects + [(effect, start)], free, self.poses, probe, iterations=2, scale=8.0
+                )
                 scored.append((fit.loss, len(scored), fit))
             best = min(scored)[2]
             start_effects = best.state.effects
@@ -219,11 +233,20 @@ class Diagnosis:
         candidate.state = State(fit.state.effects, poses, fit.state.offsets)
         return candidate
 
+    def free(self):
+        """Return [(effect, parameter)] of what is fitted in the base."""
+        return [(n, k) for n, p in self.effects for k in p if n not in self.fixed]
+
     def adopt(self, candidate):
         """Make the candidate part of the base and refit all its effects together; return the Fit."""
         self.poses = candidate.state.poses
-        effects = candidate.state.effects
-        return self.set_base(effects, [(n, k) for n, p in effects for k in p])
+        self.effects = candidate.state.effects
+        return self.set_base(self.effects, self.free())
+
+    def drop(self, name):
+        """Take an effect out of the base and refit; return the Fit."""
+        self.effects = [(n, p) for n, p in self.effects if n != name]
+        return self.set_base(self.effects, self.free())
 
 
 def losses_of(groups):
@@ -235,7 +258,9 @@ def gains_by_station(case, before, after):
     """Return the gain in loss of each held-out station (s,)."""
     stations = {}
     for i in before:
-        stations[case.captures[i].view.station] = stations.get(case.captures[i].view.station, 0.0) + before[i] - after[i]
+        stations[case.captures[i].view.station] = (
+            stations.get(case.captures[i].view.station, 0.0) + before[i] - after[i]
+        )
     return np.array([stations[s] for s in sorted(stations)])
 
 
@@ -257,3 +282,130 @@ def is_missing(candidate):
 def effect_parameters(effect):
     """Return the effects.base.Parameter of each parameter of an effect."""
     return {k: spec((effect, k)) for k in null_of(effect)}
+
+
+@dataclass
+class Step:
+    """One step of the climb: the effect that was added, the refitted twin and its held-out residuals."""
+
+    effect: str
+    effects: list
+    errors: dict
+    candidates: list
+    confused_with: list
+    groups: dict
+    poses: np.ndarray
+
+
+def confused_with(best, candidates, case):
+    """Return the names of candidates that the held-out stations cannot tell from the best one."""
+    names = []
+    for other in candidates:
+        if other.effect == best.effect or other.gain < LEAST_GAIN or not other.converged:
+            continue
+        ahead = gains_by_station(case, other.losses, best.losses)
+        error = np.sqrt(len(ahead)) * ahead.std(ddof=1) if len(ahead) > 1 else np.inf
+        if ahead.sum() < max(LEAST_GAIN, min(2 * error, 0.2 * abs(best.gain))):
+            names.append(other.effect)
+    return names
+
+
+def climb(diagnosis, first, most_steps=6, progress=None):
+    """Add the best candidate, refit, try all others again, until none is missing; return (steps, last candidates).
+
+    ``first`` are the candidates of the base. An earlier effect that the refitted twin no longer needs is dropped.
+    """
+    steps, candidates = [], rank(first)
+    while len(steps) < most_steps:
+        missing = [c for c in candidates if is_missing(c)]
+        if not missing:
+            break
+        best = missing[0]
+        confused = confused_with(best, candidates, diagnosis.case)
+        fit = diagnosis.adopt(best)
+        for name in unneeded(
+            diagnosis, [n for n, _ in diagnosis.effects if n != best.effect and n not in diagnosis.fixed]
+        ):
+            fit = diagnosis.drop(name)
+            steps = [s for s in steps if s.effect != name]
+        errors = dict(zip(diagnosis.free(), np.sqrt(np.maximum(np.diag(fit.covariance), 0)), strict=True))
+        steps.append(
+            Step(
+                best.effect,
+                diagnosis.effects,
+                errors,
+                candidates,
+                confused,
+                diagnosis.base_groups,
+                diagnosis.poses,
+            )
+        )
+        adopted = dict(diagnosis.effects)
+        if progress:
+            progress(best.effect)
+        candidates = rank([diagnosis.try_effect(e) for e in diagnosis.candidates if e not in adopted])
+    return steps, candidates
+
+
+def unneeded(diagnosis, names):
+    """Return those effects without which the refitted twin is as good on the held-out captures."""
+    out = []
+    for name in names:
+        rest = [(n, p) for n, p in diagnosis.effects if n != name]
+        free = [f for f in diagnosis.free() if f[0] != name]
+        fit = diagnosis.fitter.fit(rest, free, diagnosis.poses, diagnosis.train, iterations=6, scale=4.0)
+        _, groups = diagnosis.fitter.score(fit.state.effects, fit.state.poses, diagnosis.test)
+        if sum(losses_of(groups).values()) < sum(diagnosis.base_losses.values()) + LEAST_GAIN:
+            out.append(name)
+            break
+    return out
+
+
+def verdict_of(steps, gap, gap_se):
+    """Return ``adequate``, ``explained`` or ``unexplained`` from the steps taken and the gap that is left."""
+    if gap - 2 * np.nan_to_num(gap_se) > ENOUGH:
+        return "unexplained"
+    return "explained" if steps else "adequate"
+
+
+def suggested_station(case, a, b):
+    """Return the station ({height_m, tilt_deg}) at which two twins (lists of effects) differ most, and by how much.
+
+    Corners are compared after each twin's pose was adjusted within its prior, levels by the images' difference;
+    the sum is in units of 0.05 px and 1 grey level.
+    """
+    capture = case.captures[0]
+    best = None
+    for height_m in (0.25, 0.5, 0.8, 1.2, 1.6):
+        for tilt_deg in (0.0, 15.0, 30.0, 45.0, 60.0):
+            view = replace(capture.view, T_cam_world=station_pose(height_m, tilt_deg))
+            probe = replace(capture, view=view)
+            score = _difference(case, probe, a, b)
+            if best is None or score > best[0]:
+                best = (score, height_m, tilt_deg)
+    return {"height_m": best[1], "tilt_deg": best[2], "difference": round(float(best[0]), 2)}
+
+
+def _difference(case, capture, a, b):
+    zero = np.zeros(6)
+    pixels = [case.corners_of(capture, effects, zero).reshape(-1, 8) for effects in (a, b)]
+    inside = wholly_inside(pixels[0].reshape(-1, 4, 2), capture.view.width, capture.view.height)
+    inside &= np.isfinite(pixels[1]).all(1) & (code_sides_px(pixels[0].reshape(-1, 4, 2)) >= SMALLEST_SIDE_PX)
+    if not inside.any():
+        return 0.0
+    d = (pixels[1] - pixels[0])[inside].ravel() / 0.05
+    J = []
+    for k in range(6):
+        h = np.zeros(6)
+        h[k] = 1e-5
+        J.append(
+            (case.corners_of(capture, a, h).reshape(-1, 8)[inside].ravel() - pixels[0][inside].ravel()) / 1e-5
+        )
+    J = np.stack(J, axis=1) / 0.05
+    prior = np.where(np.isfinite(case.sigma_pose), 1 / case.sigma_pose**2, 0)
+    d = d - J @ np.linalg.solve(J.T @ J + np.diag(prior + 1e-9), J.T @ d)
+    images = [
+        case.image_of(case.radiance_of(capture, effects, zero), capture, effects, zero).mean()
+        for effects in (a, b)
+    ]
+    return np.sqrt((d**2).mean()) + abs(images[0] - images[1])

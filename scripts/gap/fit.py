@@ -8,11 +8,11 @@ measured by the same code as the real ones.
 from dataclasses import dataclass
 
 import numpy as np
-
 from effects import pipeline
+from job import seed_of
+
 from gap.flats import field_levels
 from gap.observe import FINE, classify_flats, measure_colour, measure_plates, observe_noise
-from job import seed_of
 
 NU = 8.0  # robust log(1 + y^2 / nu): quadratic for noise, forgiving for a bad plate
 # Standard deviations below which no difference counts: synthesis against an ideal camera's image
@@ -51,6 +51,10 @@ class Prediction:
     field: np.ndarray
     noise: np.ndarray | None
 
+    def corners_of(self, plates):
+        """Return the corners (k, 4, 2) of some plates, pixels."""
+        return self.features[plates, :8].reshape(-1, 4, 2)
+
 
 @dataclass
 class State:
@@ -86,7 +90,9 @@ class Whitener:
         covariance = covariance + np.diag(FEATURE_FLOOR**2)
         self.lower_inverse = np.linalg.inv(np.linalg.cholesky(covariance)) if len(info) else covariance
         corner_covariance = covariance[:, :8, :8]
-        self.corner_inverse = np.linalg.inv(np.linalg.cholesky(corner_covariance)) if len(info) else corner_covariance
+        self.corner_inverse = (
+            np.linalg.inv(np.linalg.cholesky(corner_covariance)) if len(info) else corner_covariance
+        )
         sd = np.sqrt(np.array([np.diag(c) for c in covariance])).reshape(-1, 18)
         self.feature_sd = sd
         self.colour_sd = np.hypot(
@@ -108,7 +114,13 @@ class Whitener:
         colour = (observation.colour[k] - prediction.colour[k]) / self.colour_sd
         colour[lost] = 0
         field = np.nan_to_num((observation.field - prediction.field) / self.field_sd)
-        out = {"corners": y[:, :8], "levels": y[:, 8:13], "edges": y[:, 13:], "colour": colour, "field": field}
+        out = {
+            "corners": y[:, :8],
+            "levels": y[:, 8:13],
+            "edges": y[:, 13:],
+            "colour": colour,
+            "field": field,
+        }
         if prediction.noise is not None:
             out["noise"] = np.nan_to_num((observation.noise - prediction.noise) / self.noise_sd)
         return out
@@ -158,7 +170,9 @@ class Fitter:
         field, _ = field_levels(grey.astype(np.float64), o.classes)
         noise = None
         if self.noise_of[i]:
-            rng = np.random.default_rng(seed_of(case.campaign, case.camera, capture.view.capture, "fit noise"))
+            rng = np.random.default_rng(
+                seed_of(case.campaign, case.camera, capture.view.capture, "fit noise")
+            )
             noisy = case.image_of(radiance, capture, effects, delta, rng)
             corners = features[:, :8].reshape(-1, 4, 2)
             outlines = case.corners_of(capture, effects, delta, case.scene_of(effects)[1].outlines)
@@ -214,8 +228,12 @@ class Fitter:
                 for k in range(len(free)):
                     h = np.zeros(len(free))
                     h[k] = steps[k]
-                    high = self.corner_residuals(i, with_parameters(effects, free, theta + h), poses[i], offsets[i])
-                    low = self.corner_residuals(i, with_parameters(effects, free, theta - h), poses[i], offsets[i])
+                    high = self.corner_residuals(
+                        i, with_parameters(effects, free, theta + h), poses[i], offsets[i]
+                    )
+                    low = self.corner_residuals(
+                        i, with_parameters(effects, free, theta - h), poses[i], offsets[i]
+                    )
                     Jt[..., k] = -(high - low) / (2 * steps[k])
                 wy = (weight * y).reshape(-1)
                 Jp, Jt = Jp.reshape(y.size, 6), Jt.reshape(y.size, len(free))
@@ -274,8 +292,7 @@ class Fitter:
             effects, poses = self.fit_geometry(effects, geometric, poses, offsets, train, scale=scale)
         predictions, offsets = self.start(effects, poses, train)
         groups = self.residuals_of(effects, poses, predictions, train)
-        # robust losses stick when started far away: begin as wide as the residuals are, narrow by halves
-        width = max(1.0, np.sqrt(np.mean([np.mean(flatten(g) ** 2) for g in groups.values()])) / 2) if free else 1.0
+        width = width_of(groups) if free else 1.0
         covariance = np.zeros((len(free), len(free)))
         converged = not free
         lower, upper = bounds_of(free)
@@ -284,7 +301,7 @@ class Fitter:
             theta = np.array([get_parameter(effects, f) for f in free])
             nu = NU * width**2
             loss = total(groups, nu)
-            H, g, blocks = self._normal_equations(effects, free, poses, predictions, groups, train, nu)
+            H, g, blocks = self.normal_equations(effects, free, poses, predictions, groups, train, nu)
             covariance = np.linalg.pinv(H + np.diag(np.full(len(free), 1e-12))) if free else covariance
             accepted = False
             for _ in range(4):
@@ -317,7 +334,8 @@ class Fitter:
             width = max(1.0, width / 3)
         return Fit(State(effects, poses, offsets), total(groups, NU), covariance, converged)
 
-    def _normal_equations(self, effects, free, poses, predictions, groups, train, nu):
+    def normal_equations(self, effects, free, poses, predictions, groups, train, nu):
+        """Return (H, g, pose blocks) of a Gauss-Newton step of the free parameters, poses eliminated."""
         k = len(free)
         H, g, blocks = np.zeros((k, k)), np.zeros(k), []
         for i in train:
@@ -369,7 +387,9 @@ class Fitter:
         y = np.einsum("pij,pjk->pik", w.lower_inverse, full)
         parts = {"corners": y[:, :8], "levels": y[:, 8:13], "edges": y[:, 13:]}
         blocks = [
-            parts[g].reshape(-1, k) if g in parts else np.zeros((groups[g].size, k)) for g in GROUPS if g in groups
+            parts[g].reshape(-1, k) if g in parts else np.zeros((groups[g].size, k))
+            for g in GROUPS
+            if g in groups
         ]
         return np.concatenate(blocks)
 
@@ -388,6 +408,14 @@ class Fitter:
             predictions[i].features[:, :8] += np.nan_to_num(shift)
             out[i] = self.residual_vector(i, effects, better[i], predictions[i])
         return better, out
+
+
+def width_of(groups):
+    """Return how much wider than noise residuals are, at least 1.
+
+    Robust losses stick when started far away: a fit begins as wide as its residuals and narrows.
+    """
+    return max(1.0, float(np.sqrt(np.mean([np.mean(flatten(g) ** 2) for g in groups.values()])) / 2))
 
 
 def total(groups, nu):
@@ -444,5 +472,7 @@ def geometric_key(effects):
     """Return a key of everything that decides the radiance before photometry."""
     modules = pipeline.available_effects()
     return tuple(
-        (n, tuple(sorted(p.items()))) for n, p in effects if modules[n].STAGE == "scene" or hasattr(modules[n], "map_points")
+        (n, tuple(sorted(p.items())))
+        for n, p in effects
+        if modules[n].STAGE == "scene" or hasattr(modules[n], "map_points")
     )

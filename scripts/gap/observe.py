@@ -42,7 +42,15 @@ class Codes:
         half_plate = np.array([p.x_m[-1] for p in plates])
         rectangles = [black_rectangles(p) for p in plates]
         first = np.concatenate([[0], np.cumsum([len(r) for r in rectangles])])
-        return cls(half_code, half_plate, rectangles, first, np.concatenate(rectangles), np.asarray(levels, float), lut)
+        return cls(
+            half_code,
+            half_plate,
+            rectangles,
+            first,
+            np.concatenate(rectangles),
+            np.asarray(levels, float),
+            lut,
+        )
 
 
 @dataclass
@@ -81,7 +89,17 @@ def _colour(red, blue, corners, half_code, half_plate, rectangles, levels, lut):
     if x1 - x0 < 8 or y1 - y0 < 8:
         return out
     B, _ = _expand(
-        red[y0:y1, x0:x1].astype(np.float64), corners, half_code, half_plate, rectangles, levels, np.zeros(5), lut, x0, y0, 0
+        red[y0:y1, x0:x1].astype(np.float64),
+        corners,
+        half_code,
+        half_plate,
+        rectangles,
+        levels,
+        np.zeros(5),
+        lut,
+        x0,
+        y0,
+        0,
     )
     S = np.zeros((5, y1 - y0, x1 - x0))
     S[0], S[1], S[2] = B[8], B[9], B[10]
@@ -166,7 +184,11 @@ def classify_flats(shape, corners, measured, outlines, view, codes, band=30.0):
     """Return the class of each pixel (H, W); plates that were not measured are left out by their outlines (p, 4, 2)."""
     outlines = outlines[~measured]
     outlines = outlines[np.isfinite(outlines).all((1, 2))]
-    boxes = np.concatenate([outlines.min(1) - 14, outlines.max(1) + 14], axis=1) if len(outlines) else np.zeros((0, 4))
+    boxes = (
+        np.concatenate([outlines.min(1) - 14, outlines.max(1) + 14], axis=1)
+        if len(outlines)
+        else np.zeros((0, 4))
+    )
     boxes = np.clip(boxes, -1e6, 1e6)
     return flat_classes(
         shape, np.nan_to_num(np.ascontiguousarray(corners)), measured, codes.half_code, codes.half_plate,
@@ -189,7 +211,9 @@ def observe(image, starts, outlines, wanted, view, codes, radii, classes=None):
         classes = classify_flats(grey.shape, corners, measured, outlines, view, codes)
     field, field_n = field_levels(grey.astype(np.float64), classes)
     noise, noise_se = observe_noise(image, classes)
-    return Observation(features, information, measured, misfit, colour, classes, field, field_n, noise, noise_se)
+    return Observation(
+        features, information, measured, misfit, colour, classes, field, field_n, noise, noise_se
+    )
 
 
 def observe_noise(image, classes):

@@ -127,7 +127,11 @@ def _expand(image, corners, half_code, half_plate, rectangles, levels, shifts, l
     model = np.empty((h, w))
     for r in range(h):
         for k in range(w):
-            lin = ground_level + (white_level - ground_level) * plate[r, k] + (black_level - white_level) * black[r, k]
+            lin = (
+                ground_level
+                + (white_level - ground_level) * plate[r, k]
+                + (black_level - white_level) * black[r, k]
+            )
             model[r, k] = _encode(lin, lut)
     contrast = _encode(white_level, lut) - _encode(black_level, lut) + shifts[0] - shifts[1]
     inverse = np.linalg.inv(H)
@@ -256,7 +260,9 @@ def measure_plate(image, start, half_code, half_plate, rectangles, levels, lut, 
             if x1 - x0 < 8 or y1 - y0 < 6:
                 return values, info, corners, variance, step, 0.0
             patch = image[y0:y1, x0:x1].astype(np.float64)
-            B, residual = _expand(patch, corners, half_code, half_plate, rectangles, levels, shifts, lut, x0, y0, radius)
+            B, residual = _expand(
+                patch, corners, half_code, half_plate, rectangles, levels, shifts, lut, x0, y0, radius
+            )
             prior = ridge.copy()
             if radius > 0:
                 prior[13:] = 1e12

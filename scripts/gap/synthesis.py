@@ -5,10 +5,10 @@ What the fit renders with; a test holds it to Blender's renders.
 
 import cv2
 import numpy as np
-
-from gap.raster import add_polygons, running_sum
 from effects.base import highlight_radiance
 from rig.geometry import project, transform
+
+from gap.raster import add_polygons, running_sum
 
 EDGE_STEP_PX = 8.0  # edges bent by a lens are drawn in straight pieces no longer than this
 FAR_M = 1e5
@@ -30,7 +30,12 @@ def rectangle_corners(rectangles):
     x0, y0, x1, y1 = rectangles.T
     z = np.zeros_like(x0)
     return np.stack(
-        [np.stack([x0, y1, z], -1), np.stack([x1, y1, z], -1), np.stack([x1, y0, z], -1), np.stack([x0, y0, z], -1)],
+        [
+            np.stack([x0, y1, z], -1),
+            np.stack([x1, y1, z], -1),
+            np.stack([x1, y0, z], -1),
+            np.stack([x0, y0, z], -1),
+        ],
         axis=1,
     )
 
@@ -167,7 +172,9 @@ def ground_points(view, map_points):
     grid_x, grid_y = np.meshgrid(fine_x, fine_y)
     u = cv2.remap(ideal[..., 0].astype(np.float32), grid_x, grid_y, cv2.INTER_LINEAR)
     v = cv2.remap(ideal[..., 1].astype(np.float32), grid_x, grid_y, cv2.INTER_LINEAR)
-    rays = np.stack([(u - view.K[0, 2]) / view.K[0, 0], (v - view.K[1, 2]) / view.K[1, 1], np.ones_like(u)], -1)
+    rays = np.stack(
+        [(u - view.K[0, 2]) / view.K[0, 0], (v - view.K[1, 2]) / view.K[1, 1], np.ones_like(u)], -1
+    )
     R, t = view.T_cam_world[:3, :3], view.T_cam_world[:3, 3]
     centre = -R.T @ t
     rays = rays @ R

@@ -1,0 +1,104 @@
+"""Between files and the gap library: one camera's case from the expand and register tables, its observations as npz."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pandas as pd
+from effects.base import View
+from gap.case import MARGIN_PX, Capture, Case, encoding_table
+from gap.observe import Codes, Observation, read_rgb
+from rig.errors import InputError
+from rig.geometry import camera_matrix, make_pose
+from rig.scene import load_scene
+
+OBSERVED = (
+    "features",
+    "information",
+    "measured",
+    "misfit",
+    "colour",
+    "field",
+    "field_n",
+    "noise",
+    "noise_se",
+)
+DEGREE = np.pi / 180
+
+
+def load_case(expand, register_csv, register_json, camera):
+    """Return (Case, captures' table) of one camera, nothing measured yet.
+
+    expand is the folder of the expand tables. Raises InputError where the campaign has no markers (boards have a
+    way of their own) or the camera no intrinsics.
+    """
+    expand = Path(expand)
+    facts = json.loads((expand / "scene.json").read_text())
+    scene = load_scene(expand)
+    intrinsics = json.loads(Path(register_json).read_text())
+    size = pd.read_csv(expand / "cameras.csv").set_index("camera").loc[camera]
+    captures = pd.read_csv(expand / "captures.csv", dtype={"capture": str, "station": str})
+    captures = captures[captures.camera == camera].sort_values("capture")
+    stations = pd.read_csv(expand / "stations.csv", dtype={"station": str})
+    stations = stations[stations.camera == camera].set_index("station")
+    K = camera_matrix(*(float(intrinsics[k]) for k in ("fx", "fy", "cx", "cy")))
+    exposure, encoding = float(facts["exposure"]), facts["encoding"]
+    codes = Codes.of(
+        scene.plates, [scene.white, scene.black, scene.ground], encoding_table(encoding, exposure)
+    )
+    tolerance = facts.get("tolerance") or {}
+    sigma = np.array(
+        [tolerance.get("angle_deg", np.inf) * DEGREE] * 3 + [tolerance.get("position_m", np.inf)] * 3, float
+    )
+    made = []
+    for row in captures.itertuples():
+        s = stations.loc[row.station]
+        T = make_pose([s.rx, s.ry, s.rz], [s.tx, s.ty, s.tz])
+        view = View(
+            K,
+            int(size.width),
+            int(size.height),
+            MARGIN_PX,
+            T,
+            camera,
+            row.capture,
+            row.station,
+            exposure,
+            encoding,
+        )
+        made.append(Capture(view, int(row.trial)))
+    if not made:
+        raise InputError(
+            f"{expand}/captures.csv: camera {camera} has no captures; a diagnosis needs photographs"
+        )
+    case = Case(facts["name"], camera, scene, codes, made, float(facts.get("noise_dn") or 0.0), sigma)
+    return case, captures
+
+
+def read_capture(campaign, image):
+    """Return an image (H, W, C) of grey levels, float32, red first; raises InputError where it can't be read."""
+    path = Path(campaign) / image
+    pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if pixels is None:
+        raise InputError(f"{path}: not an image that OpenCV reads")
+    return read_rgb(pixels[..., :3] if pixels.ndim == 3 else pixels)
+
+
+def save_observations(path, case):
+    """Write what was measured in all captures to an uncompressed npz; the same bytes for the same numbers."""
+    arrays = {name: np.stack([getattr(c.observation, name) for c in case.captures]) for name in OBSERVED}
+    arrays["classes"] = np.stack([c.observation.classes for c in case.captures])
+    arrays["noise_variance"] = np.array([c.noise_variance for c in case.captures])
+    with open(path, "wb") as file:
+        np.savez_compressed(file, **arrays)
+
+
+def load_observations(path, case):
+    """Put what ``save_observations`` wrote back into the case's captures."""
+    with np.load(path) as stored:
+        arrays = {name: stored[name] for name in (*OBSERVED, "classes", "noise_variance")}
+    for i, capture in enumerate(case.captures):
+        values = {name: arrays[name][i] for name in (*OBSERVED, "classes")}
+        capture.observation = Observation(**values)
+        capture.noise_variance = float(arrays["noise_variance"][i])

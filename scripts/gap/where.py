@@ -1,0 +1,157 @@
+"""Where the twin fails: how much of each observable's gap a covariate explains on captures that were held out."""
+
+import numpy as np
+import pandas as pd
+from rig.geometry import invert_pose, transform
+
+from gap.flats import FIELD_COLUMNS, FIELD_ROWS, NOISE_FEATURES
+from gap.observe import COLOUR_FEATURES
+from gap.patch import FEATURES
+
+COVARIATES = (
+    "distance_m", "incidence_deg", "image_radius", "azimuth_deg", "row_px", "column_px", "height_m", "tilt_deg",
+    "level_dn", "trial",
+)  # fmt: skip
+BINS = 5
+
+
+def plate_gaps(case, effects, poses, predictions):
+    """Return a table, a row a measured plate and capture: covariates, and real minus twin of every plate feature.
+
+    Corners are summed up as ``dx_px``, ``dy_px`` (mean shift), ``d_radial_px`` (away from the image's centre),
+    ``d_scale`` (relative growth) and kept singly as well. Units as in gap.patch.UNITS.
+    """
+    tables = []
+    for i, prediction in predictions.items():
+        capture = case.captures[i]
+        o, view = capture.observation, case.view_of(capture, effects, poses[i])
+        k = np.flatnonzero(o.measured & prediction.measured)
+        if not len(k):
+            continue
+        gap = o.features[k] - prediction.features[k]
+        corners = prediction.corners_of(k)
+        shift = gap[:, :8].reshape(-1, 4, 2)
+        centre = corners.mean(1)
+        spokes = corners - centre[:, None]
+        T_world_plate = np.array([case.scene.plates[j].T_world_plate for j in k])
+        in_camera = transform(view.T_cam_world, T_world_plate[:, :3, 3])
+        normal = T_world_plate[:, :3, 2] @ view.T_cam_world[:3, :3].T
+        distance = np.linalg.norm(in_camera, axis=1)
+        from_axis = centre - [(view.width - 1) / 2, (view.height - 1) / 2]
+        radius = np.linalg.norm(from_axis, axis=1)
+        eye = invert_pose(view.T_cam_world)
+        forward = eye[:3, 2]
+        table = pd.DataFrame(
+            {
+                "capture": view.capture,
+                "station": view.station,
+                "plate": [case.scene.plates[j].name for j in k],
+                "distance_m": distance,
+                "incidence_deg": np.degrees(
+                    np.arccos(np.clip(-(in_camera * normal).sum(1) / distance, -1, 1))
+                ),
+                "image_radius": radius / np.hypot(view.width, view.height) * 2,
+                "azimuth_deg": np.degrees(np.arctan2(from_axis[:, 1], from_axis[:, 0])),
+                "row_px": centre[:, 1],
+                "column_px": centre[:, 0],
+                "height_m": eye[2, 3],
+                "tilt_deg": np.degrees(np.arcsin(np.clip(-forward[2], -1, 1))),
+                "level_dn": o.features[k, 10],
+                "trial": capture.trial,
+                "dx_px": shift[..., 0].mean(1),
+                "dy_px": shift[..., 1].mean(1),
+                "d_radial_px": (shift.mean(1) * from_axis).sum(1) / np.maximum(radius, 1e-9),
+                "d_scale": (shift * spokes).sum((1, 2)) / (spokes**2).sum((1, 2)),
+            }
+        )
+        for n, name in enumerate(FEATURES):
+            table[name] = gap[:, n]
+        for n, name in enumerate(COLOUR_FEATURES):
+            table[name] = o.colour[k, n] - prediction.colour[k, n]
+        tables.append(table)
+    return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame(columns=["capture", "plate"])
+
+
+EXPLAINED = {
+    "corners": ("dx_px", "dy_px", "d_radial_px", "d_scale"),
+    "levels": ("white", "black", "ground"),
+    "edges": ("spread_x", "spread_y", "overshoot", "ink"),
+    "colour": ("red_white", "red_dx", "red_dy", "blue_white", "blue_dx", "blue_dy"),
+}
+
+
+def explained_shares(table, train_captures):
+    """Return [{"observable", "group", "covariate", "share"}], largest share first.
+
+    Out of sample: means in bins of the covariate are learned on the training captures and predict the others;
+    the share is one minus the ratio of the residual's to the gap's mean square about zero (at least 0).
+    """
+    rows = []
+    if table.empty:
+        return rows
+    train = table.capture.isin(train_captures)
+    if train.all() or not train.any():
+        return rows
+    for group, observables in EXPLAINED.items():
+        for observable in observables:
+            gap = table[observable].clip(*table[observable].quantile([0.01, 0.99]))
+            before = float((gap[~train] ** 2).mean())
+            if before <= 0:
+                continue
+            for covariate in COVARIATES:
+                edges = np.unique(table[covariate].quantile(np.linspace(0, 1, BINS + 1)))
+                if len(edges) < 3:
+                    edges = np.unique(table[covariate])
+                bins = np.clip(np.digitize(table[covariate], edges[1:-1]), 0, None)
+                means = gap[train].groupby(bins[train]).mean()
+                predicted = pd.Series(bins[~train]).map(means).fillna(0).to_numpy()
+                after = float(((gap[~train].to_numpy() - predicted) ** 2).mean())
+                rows.append(
+                    {
+                        "observable": observable,
+                        "group": group,
+                        "covariate": covariate,
+                        "share": round(max(0.0, 1 - after / before), 4),
+                    }
+                )
+    return sorted(rows, key=lambda r: (-r["share"], r["observable"], r["covariate"]))
+
+
+def field_gaps(case, predictions):
+    """Return a table of the ground's and sky's levels over the frame, real minus twin, grey levels, by grid cell."""
+    rows = []
+    for i, prediction in predictions.items():
+        gap = case.captures[i].observation.field - prediction.field
+        grid = gap.reshape(2, FIELD_ROWS, FIELD_COLUMNS)
+        for surface, values in zip(("ground", "sky"), grid, strict=True):
+            for r, c in np.argwhere(np.isfinite(values)):
+                rows.append(
+                    {
+                        "capture": case.captures[i].view.capture,
+                        "surface": surface,
+                        "row": int(r),
+                        "column": int(c),
+                        "gap_dn": float(values[r, c]),
+                    }
+                )
+    return pd.DataFrame(rows, columns=["capture", "surface", "row", "column", "gap_dn"])
+
+
+def noise_gaps(case, predictions):
+    """Return a table of the noise features, real and twin (natural logarithms, see gap.flats)."""
+    rows = []
+    for i, prediction in predictions.items():
+        if prediction.noise is None:
+            continue
+        o = case.captures[i].observation
+        for n, name in enumerate(NOISE_FEATURES):
+            rows.append(
+                {
+                    "capture": case.captures[i].view.capture,
+                    "feature": name,
+                    "real": float(o.noise[n]),
+                    "twin": float(prediction.noise[n]),
+                    "se": float(o.noise_se[n]),
+                }
+            )
+    return pd.DataFrame(rows, columns=["capture", "feature", "real", "twin", "se"])
