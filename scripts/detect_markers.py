@@ -112,9 +112,7 @@ def main():
     parser.add_argument("detector", help=f"one of {', '.join(contract.available())}")
     parser.add_argument("images", nargs="+", metavar="IMAGE", help="image, video, or video.avi#frame12")
     parser.add_argument("--out", required=True, metavar="FILE.csv", help="table to write")
-    parser.add_argument(
-        "--dictionaries", nargs="+", default=list(contract.DEFAULT_DICTIONARIES), metavar="DICT_..."
-    )
+    parser.add_argument("--dictionaries", nargs="+", default=list(contract.DEFAULT_DICTIONARIES), metavar="DICT_...")
     arguments = parser.parse_args()
     job.set_up_log()
     with job.one_message():

@@ -37,8 +37,7 @@ class AprilTagDetector:
         found = self.detector.detect(grey)
         # The library counts corners anticlockwise from the bottom left and puts pixel centres at 0.5.
         return [
-            Detection(self.names[d.tag_family.decode()], d.tag_id, np.asarray(d.corners)[::-1] - 0.5)
-            for d in found
+            Detection(self.names[d.tag_family.decode()], d.tag_id, np.asarray(d.corners)[::-1] - 0.5) for d in found
         ]
 
 

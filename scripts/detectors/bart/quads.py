@@ -1,0 +1,293 @@
+"""From a binary image to quadrilaterals: connected dark regions, their outer borders, four lines each.
+
+Compiled with numba; nothing here knows of codes. Pixel coordinates are those of the image that was binarised.
+"""
+
+import numpy as np
+from numba import njit
+
+ALL_WHITE = np.uint64(0)
+
+# Moore neighbourhood, clockwise from the right (y down).
+STEP_Y = np.array([0, 1, 1, 1, 0, -1, -1, -1], np.int64)
+STEP_X = np.array([1, 1, 0, -1, -1, -1, 0, 1], np.int64)
+
+
+@njit(cache=True, nogil=True)
+def _root(parent, k):
+    while parent[k] != k:
+        parent[k] = parent[parent[k]]
+        k = parent[k]
+    return k
+
+
+@njit(cache=True, nogil=True)
+def _runs(binary, words):
+    """Return (row starts, first x, last x) of the runs of non-zero pixels; ``words`` is the image as uint64."""
+    rows, n_words = words.shape
+    capacity = 1 << 14
+    first = np.empty(capacity, np.int32)
+    last = np.empty(capacity, np.int32)
+    starts = np.empty(rows + 1, np.int32)
+    n = 0
+    for y in range(rows):
+        starts[y] = n
+        if n + 4 * n_words + 2 > capacity:
+            capacity *= 2
+            while n + 4 * n_words + 2 > capacity:
+                capacity *= 2
+            grown = np.empty(capacity, np.int32)
+            grown[:n] = first[:n]
+            first = grown
+            grown = np.empty(capacity, np.int32)
+            grown[:n] = last[:n]
+            last = grown
+        inside = False
+        for w in range(n_words):
+            word = words[y, w]
+            if word == 0 and not inside:
+                continue
+            if inside and word == np.uint64(0xFFFFFFFFFFFFFFFF):
+                continue
+            for x in range(8 * w, 8 * w + 8):
+                dark = binary[y, x] != 0
+                if dark != inside:
+                    if dark:
+                        first[n] = x
+                    else:
+                        last[n] = x - 1
+                        n += 1
+                    inside = dark
+        if inside:
+            last[n] = 8 * n_words - 1
+            n += 1
+    starts[rows] = n
+    return starts, first, last
+
+
+@njit(cache=True, nogil=True)
+def components(binary, words):
+    """Return int32 (n, 7) of the 8-connected dark regions: x0, y0, x1, y1 (inclusive), area, start x, start y.
+
+    The start is the leftmost pixel of the top row, where a border may be followed from.
+    """
+    starts, first, last = _runs(binary, words)
+    rows = len(starts) - 1
+    n = starts[rows]
+    parent = np.arange(n).astype(np.int32)
+    for y in range(1, rows):
+        a, a_end = starts[y - 1], starts[y]
+        b, b_end = starts[y], starts[y + 1]
+        while a < a_end and b < b_end:
+            if last[a] + 1 < first[b]:
+                a += 1
+            elif last[b] + 1 < first[a]:
+                b += 1
+            else:
+                ra, rb = _root(parent, a), _root(parent, b)
+                # The root is the earliest run, hence on the top row.
+                if ra < rb:
+                    parent[rb] = ra
+                elif rb < ra:
+                    parent[ra] = rb
+                if last[a] < last[b]:
+                    a += 1
+                else:
+                    b += 1
+    index = np.full(n, -1, np.int32)
+    out = np.empty((n, 7), np.int32)
+    count = 0
+    for y in range(rows):
+        for k in range(starts[y], starts[y + 1]):
+            r = _root(parent, k)
+            c = index[r]
+            if c < 0:
+                c = count
+                count += 1
+                index[r] = c
+                out[c, 0], out[c, 1], out[c, 2], out[c, 3] = first[k], y, last[k], y
+                out[c, 4], out[c, 5], out[c, 6] = 0, first[k], y
+            out[c, 0] = min(out[c, 0], first[k])
+            out[c, 2] = max(out[c, 2], last[k])
+            out[c, 3] = y
+            out[c, 4] += last[k] - first[k] + 1
+    return out[:count]
+
+
+@njit(cache=True, nogil=True)
+def follow_border(binary, x, y, limit, px, py):
+    """Write the outer border from the region's top left pixel to px, py; return its length, 0 beyond ``limit``.
+
+    Moore's border following, clockwise. The image has a border of zeros, so that no index leaves it.
+    """
+    px[0], py[0] = x, y
+    n, cx, cy = 1, x, y
+    came = 4  # from the left, which is white at the start
+    first_step = -1
+    while True:
+        step = -1
+        for k in range(1, 9):
+            d = (came + k) & 7
+            if binary[cy + STEP_Y[d], cx + STEP_X[d]] != 0:
+                step = d
+                break
+        if step < 0:
+            return 1
+        if cx == x and cy == y:
+            if first_step < 0:
+                first_step = step
+            elif step == first_step:
+                return n - 1
+        cx += STEP_X[step]
+        cy += STEP_Y[step]
+        came = (step + 4) & 7
+        if n >= limit:
+            return 0
+        px[n], py[n] = cx, cy
+        n += 1
+
+
+@njit(cache=True, nogil=True)
+def _farthest_on_arc(px, py, n, i, j):
+    """Return (index, distance) of the border point farthest from the chord i to j, on the arc from i to j."""
+    ax, ay = px[i], py[i]
+    dx, dy = px[j] - ax, py[j] - ay
+    length = np.sqrt(float(dx * dx + dy * dy))
+    best, where = -1.0, i
+    m = (j - i) % n
+    for k in range(1, m):
+        q = i + k
+        if q >= n:
+            q -= n
+        if length > 0:
+            d = abs((px[q] - ax) * dy - (py[q] - ay) * dx) / length
+        else:
+            d = np.sqrt(float((px[q] - ax) ** 2 + (py[q] - ay) ** 2))
+        if d > best:
+            best, where = d, q
+    return where, best
+
+
+@njit(cache=True, nogil=True)
+def four_vertices(px, py, n, vertices):
+    """Write the indices of the four border points that carry the region's shape, in border order."""
+    a, best = 0, -1
+    for k in range(n):
+        d = (px[k] - px[0]) ** 2 + (py[k] - py[0]) ** 2
+        if d > best:
+            a, best = k, d
+    c, best = a, -1
+    for k in range(n):
+        d = (px[k] - px[a]) ** 2 + (py[k] - py[a]) ** 2
+        if d > best:
+            c, best = k, d
+    found = np.empty(4, np.int64)
+    found[0], found[1] = a, c
+    for have in range(2, 4):
+        widest, place, after = -1.0, 0, 0
+        for s in range(have):
+            q, d = _farthest_on_arc(px, py, n, found[s], found[(s + 1) % have])
+            if d > widest:
+                widest, place, after = d, q, s
+        if widest < 1.0:
+            return False
+        for s in range(have, after + 1, -1):
+            found[s] = found[s - 1]
+        found[after + 1] = place
+    vertices[:] = found
+    return True
+
+
+@njit(cache=True, nogil=True)
+def fit_quad(px, py, n, quad):
+    """Write the quad (4, 2) whose sides are lines fitted to the border; return how well it fits.
+
+    0: no quadrilateral; 1: roughly one; 2: its sides are straight to about a pixel. Corners are in border order
+    (clockwise as seen), sides moved outward by half a pixel, from the centres of dark pixels to the edge.
+    """
+    vertices = np.empty(4, np.int64)
+    if n < 8 or not four_vertices(px, py, n, vertices):
+        return 0
+    lines = np.empty((4, 3))
+    straight = True
+    for s in range(4):
+        i, j = vertices[s], vertices[(s + 1) % 4]
+        m = (j - i) % n
+        if m < 2:
+            return 0
+        skip = m // 6
+        sx = sy = sxx = sxy = syy = 0.0
+        count = 0
+        for k in range(skip, m - skip + 1):
+            q = (i + k) % n
+            x, y = float(px[q]), float(py[q])
+            sx += x
+            sy += y
+            sxx += x * x
+            sxy += x * y
+            syy += y * y
+            count += 1
+        mx, my = sx / count, sy / count
+        vxx, vxy, vyy = sxx / count - mx * mx, sxy / count - mx * my, syy / count - my * my
+        angle = 0.5 * np.arctan2(2 * vxy, vxx - vyy)
+        nx, ny = -np.sin(angle), np.cos(angle)
+        # Outward is to the left of the clockwise walk.
+        if nx * (py[j] - py[i]) - ny * (px[j] - px[i]) < 0:
+            nx, ny = -nx, -ny
+        rms = np.sqrt(max(vxx * nx * nx + 2 * vxy * nx * ny + vyy * ny * ny, 0.0))
+        if rms > 0.5 + 0.012 * m:
+            straight = False
+        if rms > 1.0 + 0.04 * m:
+            return 0
+        lines[s, 0], lines[s, 1], lines[s, 2] = nx, ny, -(nx * mx + ny * my) - 0.5
+    for s in range(4):
+        a, b = lines[(s + 3) % 4], lines[s]
+        det = a[0] * b[1] - a[1] * b[0]
+        if abs(det) < 0.1:
+            return 0
+        quad[s, 0] = (a[1] * b[2] - b[1] * a[2]) / det
+        quad[s, 1] = (b[0] * a[2] - a[0] * b[2]) / det
+        v = vertices[s]
+        reach = 2.0 + 0.1 * ((vertices[(s + 1) % 4] - v) % n)
+        if abs(quad[s, 0] - px[v]) > reach or abs(quad[s, 1] - py[v]) > reach:
+            return 0
+    for s in range(4):
+        ax, ay = quad[(s + 1) % 4, 0] - quad[s, 0], quad[(s + 1) % 4, 1] - quad[s, 1]
+        bx, by = quad[(s + 2) % 4, 0] - quad[(s + 1) % 4, 0], quad[(s + 2) % 4, 1] - quad[(s + 1) % 4, 1]
+        if ax * by - ay * bx <= 0:
+            return 0
+    return 2 if straight else 1
+
+
+@njit(cache=True, nogil=True)
+def find_quads(binary, words, smallest, largest):
+    """Return (quads float64 (n, 4, 2), boxes int32 (m, 4) of small regions that deserve a finer look).
+
+    binary    uint8 with a border of zeros of at least one pixel, non-zero is dark; words its uint64 view
+    smallest, largest  side of a region's bounding box, pixels: the longer one is within these limits
+    """
+    regions = components(binary, words)
+    quads = np.empty((len(regions), 4, 2))
+    boxes = np.empty((len(regions), 4), np.int32)
+    n_quads = n_boxes = 0
+    size = 4 * (binary.shape[0] + binary.shape[1])
+    px = np.empty(size, np.int64)
+    py = np.empty(size, np.int64)
+    quad = np.empty((4, 2))
+    for k in range(len(regions)):
+        x0, y0, x1, y1, area, sx, sy = regions[k]
+        w, h = x1 - x0 + 1, y1 - y0 + 1
+        if max(w, h) < smallest or max(w, h) > largest or min(w, h) < 3 or area < w + h:
+            continue
+        # A convex region's border has at most 2 (w + h) points.
+        n = follow_border(binary, sx, sy, min(size, int(2.5 * (w + h)) + 8), px, py)
+        if n == 0:
+            continue
+        fit = fit_quad(px, py, n, quad)
+        if fit == 2:
+            quads[n_quads] = quad
+            n_quads += 1
+        if fit > 0 or max(w, h) < 24:
+            boxes[n_boxes, 0], boxes[n_boxes, 1], boxes[n_boxes, 2], boxes[n_boxes, 3] = x0, y0, x1, y1
+            n_boxes += 1
+    return quads[:n_quads], boxes[:n_boxes]
