@@ -20,6 +20,7 @@ from rig.plates import marker_corners_world
 log = logging.getLogger("twingap")
 
 POSE = ["rx", "ry", "rz", "tx", "ty", "tz"]
+INTRINSICS = ["fx", "fy", "cx", "cy"]
 CORNERS = ["x0", "y0", "x1", "y1", "x2", "y2", "x3", "y3"]
 MARKER = ["dictionary", "id"]
 PAIRED = ["distance_real_m", "distance_twin_m", "delta_distance_m", "rotation_deg", "rotation_x_deg"]
@@ -156,6 +157,14 @@ def compare_poses(real, twin):
     }
 
 
+def unknown_cells(shot, markers, has_real):
+    """Return the cells of a capture as long as nothing is known of its markers: not available, not found."""
+    names = ("capture", "station", "trial", "height_m", "tilt_deg")
+    nothing = dict.fromkeys(("available", "real", "twin", "paired", "flipped"), False)
+    nothing |= dict.fromkeys(("range_m", "side_px", *PAIRED), np.nan)
+    return markers[MARKER].assign(**{name: shot[name] for name in names}, has_real=has_real, **nothing)
+
+
 def cells_of_capture(shot, detections, markers, K, width, height, has_real):
     """Return (cells, false ids) of one capture: two DataFrames, without camera and detector."""
     registered = predicted_markers(markers, K, width, height, shot["T_registered"])
@@ -170,27 +179,18 @@ def cells_of_capture(shot, detections, markers, K, width, height, has_real):
         found[source], false = match_detections(by_source[source], markers, places[source])
         centres = centres_of(by_source[source])
         wrong.append(by_source[source].assign(x=centres[:, 0], y=centres[:, 1])[false])
-    cells = markers[MARKER].assign(
-        capture=shot["capture"],
-        station=shot["station"],
-        trial=shot["trial"],
-        height_m=shot["height_m"],
-        tilt_deg=shot["tilt_deg"],
-        has_real=has_real,
+    cells = unknown_cells(shot, markers, has_real).assign(
         range_m=registered["range_m"],
         side_px=registered["side_px"],
         available=registered["available"],
         real=found["real"] >= 0,
         twin=found["twin"] >= 0,
-        flipped=False,
     )
     both = np.flatnonzero((found["real"] >= 0) & (found["twin"] >= 0))
     pairs = compare_poses(*(by_source[s].iloc[found[s][both]] for s in ("real", "twin")))
     measured = np.isfinite(pairs["rotation_deg"]) & np.isfinite(pairs["delta_distance_m"])
-    cells["paired"] = False
     cells.loc[both[measured], "paired"] = True
     for name in PAIRED:
-        cells[name] = np.nan
         cells.loc[both, name] = pairs[name]
     cells.loc[both, "flipped"] = pairs["flipped"]
     return cells, pd.concat(wrong)[["source", "capture", *MARKER, "x", "y"]]
@@ -203,11 +203,12 @@ def aggregate_camera(camera, detector, detections, markers, captures, stations, 
     register  table of registered poses, or None without photographs
     """
     has_real = bool((captures.camera == camera).any())
-    K = camera_matrix(*(frame[name] for name in ("fx", "fy", "cx", "cy")))
+    K = camera_matrix(*(frame[name] for name in INTRINSICS))
     cells, false_ids = [], []
     for shot in shots_of(camera, captures, stations, register):
-        if shot["T_registered"] is None:
-            log.warning("%s: pose unknown, left out of the tables", shot["capture"])
+        if shot["T_registered"] is None or not np.isfinite(K).all():
+            log.warning("%s: pose or camera unknown, no marker counts as available", shot["capture"])
+            cells.append(unknown_cells(shot, markers, has_real))
             continue
         mine = detections[detections.capture == shot["capture"]]
         c, f = cells_of_capture(shot, mine, markers, K, frame["width"], frame["height"], has_real)
@@ -221,9 +222,8 @@ def frame_of(camera, cameras, register_json):
     """Return the ideal pinhole's ``fx, fy, cx, cy, width, height``: as registered, else as stated."""
     row = cameras.set_index("camera").loc[camera].to_dict()
     if register_json:
-        row |= {
-            k: v for k, v in json.loads(Path(register_json).read_text()).items() if k in row and v is not None
-        }
+        registered = json.loads(Path(register_json).read_text())
+        row |= {name: registered[name] for name in INTRINSICS if registered.get(name) is not None}
     return row
 
 

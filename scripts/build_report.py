@@ -18,16 +18,30 @@ def pictures_of(notebook):
     return "\n".join(parts)
 
 
+def lead_of(notebook):
+    """Return the HTML of what the notebook's first cell says below its title: how to read the pictures."""
+    from nbconvert.filters import markdown2html
+
+    return markdown2html(notebook.cells[0].source.partition("\n")[2])
+
+
 def sections_of(notebooks):
-    """Return a dict a notebook: ``name``, ``title``, ``page`` (its HTML file), ``pictures``."""
+    """Return a dict a notebook: ``name``, ``title``, ``lead``, ``page`` (its HTML file), ``pictures``."""
     import nbformat
 
     sections = []
     for path in notebooks:
         notebook = nbformat.read(path, as_version=4)
         name = Path(path).stem
-        title, pictures = title_of(notebook), pictures_of(notebook)
-        sections.append({"name": name, "title": title, "page": f"{name}.html", "pictures": pictures})
+        sections.append(
+            {
+                "name": name,
+                "title": title_of(notebook),
+                "lead": lead_of(notebook),
+                "page": f"{name}.html",
+                "pictures": pictures_of(notebook),
+            }
+        )
     return sections
 
 

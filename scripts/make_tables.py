@@ -211,11 +211,16 @@ def notes_of(table, origin):
 def headline(row):
     """Return what a row of Table 1 says, in words made from its numbers."""
     if row.n_markers == 0:
-        return f"{row.camera}: no marker lay wholly in any picture."
+        return f"{row.camera}: no marker is known to lie wholly in any picture."
     if pd.isna(row.coverage_pct):
         return (
             f"{row.camera}: the twin lets {row.algorithm} find {row.coverage_twin_pct:.1f} % of "
             f"{row.n_markers} markers; there are no photographs to compare with."
+        )
+    if row.n_real == row.n_twin == 0:
+        return (
+            f"{row.camera}: {row.algorithm} finds none of {row.n_markers} markers, neither in the real images nor in "
+            "the twin's."
         )
     words = (
         f"{row.camera}: of {row.n_markers} markers in the pictures, {row.algorithm} finds "

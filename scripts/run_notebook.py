@@ -84,6 +84,7 @@ def run_notebook(source, parameters, executed, page):
             cwd=str(executed.parent),
             progress_bar=False,
             log_output=False,
+            extra_arguments=["--log-level=CRITICAL"],  # the kernel tells of its transport at every start
         )
     notebook = without_clocks(notebook)
     html = page_of(notebook)

@@ -102,6 +102,18 @@ def test_without_photographs_the_twin_alone_is_covered(tmp_path):
     assert "coverage of the twin alone" in (tmp_path / "table1.md").read_text()
 
 
+def test_unknown_pose_makes_nothing_available(tmp_path):
+    """A hand-held capture that could not be registered: no truth, so neither coverage nor false ids."""
+    arguments = write(tmp_path, [detection("real", "a", 0)], register=False)
+    stations = pd.read_csv(arguments["tables"]["stations"])
+    stations[[c for c in stations if c not in ("camera", "station")]] = None
+    stations.to_csv(arguments["tables"]["stations"], index=False)
+    cells, false_ids, table1, _ = write_tables(tmp_path, arguments)
+    assert len(cells) == 8 and false_ids.empty
+    assert table1.n_markers.tolist() == [0]
+    assert table1[["coverage_pct", "kappa", "flip_rate_pct"]].isna().all(axis=None)
+
+
 def test_campaign_without_markers_has_empty_tables_and_a_sentence(tmp_path):
     """A chessboard has nothing to count; the columns must still be there for readers of the CSV."""
     arguments = write(tmp_path, [], the_markers=markers().iloc[:0])

@@ -1,0 +1,130 @@
+"""The source notebooks: what papermill and git need of them, and that one runs from end to end."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from aggregate.small_campaign import detection, write, write_tables
+from build_report import build_report, verdict_words
+from run_notebook import run_notebook
+
+ROOT = Path(__file__).resolve().parents[2]
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
+def test_notebook_has_one_parameters_cell(path):
+    """Without the tag papermill only warns, and the notebook shows the default campaign, not the user's."""
+    cells = json.loads(path.read_text())["cells"]
+    tagged = [cell for cell in cells if "parameters" in cell["metadata"].get("tags", [])]
+    assert len(tagged) == 1
+    for name in ("results", "project", "campaign"):
+        assert f"{name} = " in "".join(tagged[0]["source"])
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
+def test_notebook_is_stored_without_outputs_for_python3(path):
+    """Outputs in git would show old numbers; another kernel would not start in a fresh clone."""
+    notebook = json.loads(path.read_text())
+    assert notebook["metadata"]["kernelspec"]["name"] == "python3"
+    for cell in notebook["cells"]:
+        assert not cell.get("outputs")
+        assert cell.get("execution_count") is None
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A run's folder with tables of the hand-made campaign."""
+    results = tmp_path_factory.mktemp("run")
+    found = [detection(s, c, k) for s in ("real", "twin") for c in "ab" for k in (0, 1)]
+    arguments = write(results, found)
+    write_tables(results, arguments, origin="simulated")
+    for folder in ("expand", "tables", "aggregate"):
+        (results / folder).mkdir()
+    for name in ("markers.csv", "cameras.csv", "stations.csv", "captures.csv", "scene.json"):
+        (results / name).rename(results / "expand" / name)
+    for path in [*results.glob("table?.*"), results / "headlines.json"]:
+        path.rename(results / "tables" / path.name)
+    for path in results.glob("*.parquet"):
+        path.rename(results / "aggregate" / path.name)
+    return results
+
+
+def execute(run, name, out):
+    paths = {"results": run, "project": ROOT, "campaign": ""}
+    run_notebook(ROOT / f"notebooks/{name}.ipynb", paths, out / f"{name}.ipynb", out / f"{name}.html")
+    return out / f"{name}.ipynb", (out / f"{name}.html").read_text(encoding="utf-8")
+
+
+def test_page_is_self_contained_and_comes_out_the_same_again(run):
+    """A page that fetches scripts shows nothing offline; one with clocks in it can never be compared."""
+    _, first = execute(run, "figure3", run / "notebooks")
+    assert "data:image/png;base64," in first
+    for foreign in ("<script", 'src="http', 'href="http', "import matplotlib"):
+        assert foreign not in first
+    _, second = execute(run, "figure3", run / "again")
+    assert first == second
+
+
+def test_report_joins_pages_and_says_simulated(run):
+    """The page where a reader starts must carry the pictures, the words and the warning."""
+    notebook, _ = execute(run, "tables", run / "notebooks")
+    (run / "provenance.json").write_text(
+        json.dumps(
+            {
+                "git": {"commit": "abc", "changed_files": []},
+                "render": {},
+                "python": "3",
+                "packages": {},
+                "lock_sha256": "",
+                "data_md5": {},
+                "twins_sha256": {},
+                "seed": "names",
+            }
+        )
+    )
+    names = ("markers", "cameras", "stations", "captures")
+    page = run / "report/index.html"
+    build_report(
+        {name: run / f"expand/{name}.csv" for name in names},
+        run / "expand/scene.json",
+        [notebook],
+        run / "tables/headlines.json",
+        run / "provenance.json",
+        [],
+        None,
+        page,
+    )
+    html = page.read_text(encoding="utf-8")
+    assert "simulated stand-in" in html
+    assert "2 captures" in html and "rig with 4 markers" in html
+    assert "of 6 markers in the pictures, aruco finds 66.7 %" in html
+    assert html.count("data:image/") == 1
+    assert 'href="tables.html"' in html and 'href="../tables/table1.csv"' in html
+
+
+def test_verdict_is_put_in_words_from_its_numbers():
+    """If the words and the file disagreed a reader would adopt the wrong effect."""
+    steps = [
+        {"effect": "radial_distortion", "gap_before": 6.2, "gap_after": 2.0, "confused_with": []},
+        {"effect": "lens_blur", "gap_before": 2.0, "gap_after": 1.04, "confused_with": ["motion_blur"]},
+    ]
+    words = verdict_words({"verdict": "explained", "steps": steps})
+    assert "radial distortion and lens blur" in words
+    assert "from 6.20 to 1.04" in words
+    assert "motion blur" in words
+    assert "nothing is missing" in verdict_words({"verdict": "adequate", "steps": []})
+    assert "no known effect closes" in verdict_words({"verdict": "unexplained", "steps": []})
+
+
+def test_distance_bins_hold_all_ranges(monkeypatch):
+    """A range outside the bins would be drawn in the wrong cell of the heat map."""
+    monkeypatch.syspath_prepend(ROOT / "notebooks")
+    import figures
+
+    for ranges in ([0.4, 2.2], [1.0, 1.0], [0.35], [3.0, 40.0]):
+        edges = figures.distance_bins(pd.Series(ranges))
+        assert edges[0] <= min(ranges) and max(ranges) <= edges[-1] + 1e-9
+        assert (np.diff(edges) > 0).all()
