@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).parent / "bench"))
 
 import lay_down_trials
 from generator import LIBRARY, OUTSIDE, draw_effect, generate_campaign, nominal, optics, rays, tracer
-from generator.campaign import NET, CampaignCamera, plate_maps
+from generator.campaign import CampaignCamera, plate_maps
 
 CAMERA = nominal.Camera("hp325", 480, 270, 369.5)
 TINY = nominal.CAMERAS["tiny"][0]
@@ -34,9 +34,7 @@ def project(points, rotation, centre, k1=0.0, k2=0.0, p1=0.0, p2=0.0):
     """OpenCV's projection of world points (N, 3) to pixels."""
     k = np.array([[CAMERA.fx, 0, CAMERA.cx], [0, CAMERA.fx, CAMERA.cy], [0, 0, 1]])
     rvec = cv2.Rodrigues(rotation)[0]
-    pixels, _ = cv2.projectPoints(
-        np.asarray(points, float), rvec, -rotation @ centre, k, np.array([k1, k2, p1, p2])
-    )
+    pixels, _ = cv2.projectPoints(np.asarray(points, float), rvec, -rotation @ centre, k, np.array([k1, k2, p1, p2]))
     return pixels.reshape(-1, 2)
 
 
@@ -61,7 +59,7 @@ def black_square_image(effects, rotation, centre):
         np.zeros(40),
         0,
         np.array([1.0, 0.0, 1.0, 1.0]),
-        NET,
+        tracer.PIXEL_NET,
         4,
     )[0]
 
@@ -79,9 +77,7 @@ def outline(marker, side, n=200):
             np.column_stack([t * 0 - 0.5, t]),
         ]
     )
-    return np.column_stack(
-        [marker["x"] + side * ring[:, 0], marker["y"] + side * ring[:, 1], np.zeros(4 * n)]
-    )
+    return np.column_stack([marker["x"] + side * ring[:, 0], marker["y"] + side * ring[:, 1], np.zeros(4 * n)])
 
 
 def area_and_centroid(polygon):
@@ -170,9 +166,7 @@ def test_levels_are_exact():
     light = CampaignCamera(CAMERA, {}, "s").linear_light(rotation, centre)[..., 0]
     values, counts = np.unique(light, return_counts=True)
     assert set(np.float32([0.8, 0.05, 0.35, 0.3])) == set(values[counts > 200])
-    image = np.stack(
-        [CampaignCamera(CAMERA, {}, "s").photograph(rotation, centre, f"c{k}") for k in range(4)]
-    )
+    image = np.stack([CampaignCamera(CAMERA, {}, "s").photograph(rotation, centre, f"c{k}") for k in range(4)])
     for level in (0.8, 0.05, 0.35, 0.3):
         expected = 255 * (1.055 * level ** (1 / 2.4) - 0.055)
         seen = image[:, light == np.float32(level)]
@@ -311,9 +305,7 @@ def test_every_effect_is_dealt_equally_often():
 def test_power_trials_share_their_draw(tmp_path):
     """The four strengths of one effect differ in strength alone; else a power curve mixes two causes."""
     truths = [
-        lay_down_trials.lay_down_trial(
-            tmp_path / "o", tmp_path / "e", "power", i, "s", "lens_blur", size="tiny"
-        )[1]
+        lay_down_trials.lay_down_trial(tmp_path / "o", tmp_path / "e", "power", i, "s", "lens_blur", size="tiny")[1]
         for i in range(4)
     ]
     sigmas = [t["effects"][0]["parameters"]["sigma_px"] for t in truths]

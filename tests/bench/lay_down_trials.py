@@ -58,9 +58,7 @@ def lay_down_trial(out, envelopes, kind, index, seed, effect=None, strength=None
     names = hidden_effects(kind, index, seed, effect)
     effects = [(n, draw_effect(n, strength, camera, draw_seed)) for n in names]
     notes = {"kind": kind, "index": index, "strength": strength}
-    truth = generate_campaign(
-        Path(out) / name, Path(envelopes) / name, effects, trial_seed, size, camera.name, notes
-    )
+    truth = generate_campaign(Path(out) / name, Path(envelopes) / name, effects, trial_seed, size, camera.name, notes)
     return name, truth
 
 
@@ -68,16 +66,12 @@ def main(argv=None):
     """Read the command line and lay the trials down, printing each one's name and nothing of what it
     hides.
     """
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", required=True, help="folder for the campaigns")
     parser.add_argument("--envelopes", required=True, help="another folder, for the truth")
     parser.add_argument("--kind", required=True, choices=["single", "pair", "none", "outside", "power"])
     parser.add_argument("--count", type=int, default=1)
-    parser.add_argument(
-        "--first", type=int, default=0, help="index of the first trial, to go on or to share the work"
-    )
+    parser.add_argument("--first", type=int, default=0, help="index of the first trial, to go on or to share the work")
     parser.add_argument("--seed", required=True, help="a name; the same name gives the same trials")
     parser.add_argument("--effect", choices=[*LIBRARY, *OUTSIDE], help="hide this one instead of a drawn one")
     parser.add_argument("--strength", type=float, help="1 is clear; 0.25, 0.5, 2 for power curves")
@@ -87,9 +81,7 @@ def main(argv=None):
         parser.error("--envelopes must not be in the folder of the campaigns")
     if a.strength is not None and a.strength <= 0:
         parser.error("--strength must be above 0; for nothing hidden use --kind none")
-    if (a.kind == "outside" and a.effect in LIBRARY) or (
-        a.kind in ("single", "pair") and a.effect in OUTSIDE
-    ):
+    if (a.kind == "outside" and a.effect in LIBRARY) or (a.kind in ("single", "pair") and a.effect in OUTSIDE):
         parser.error(f"--kind {a.kind} does not go with --effect {a.effect}")
     for index in range(a.first, a.first + a.count):
         name, _ = lay_down_trial(a.out, a.envelopes, a.kind, index, a.seed, a.effect, a.strength, a.size)

@@ -12,8 +12,6 @@ from scipy.spatial.transform import Rotation
 from generator import light, nominal, optics, processing, rays, sensor, tracer
 from generator.vocabulary import LIBRARY, OUTSIDE, library_parameters
 
-NET = tracer.sobol_net()
-
 
 def true_plates(effects, seed_name):
     """Return what stands on the rail: rotations (P, 3, 3) plate to world, centres (P, 3) m, cells (P, 7, 7),
@@ -68,13 +66,12 @@ def trace_capture(camera, plates, grids, rotation, centre, effects, margin, fine
     maps, eyes = plate_maps(plates, *poses)
     up = np.ascontiguousarray(poses[0][:, :, 2])
     ink = effects.get("ink_reflectance", nominal.REFLECTANCE)
-    levels = np.array(
-        [ink["white"], ink["black"]] + [nominal.REFLECTANCE[k] for k in ("ground", "background")]
-    )
+    levels = np.array([ink["white"], ink["black"]] + [nominal.REFLECTANCE[k] for k in ("ground", "background")])
     side = nominal.markers()[0]["code_m"] * effects.get("marker_scale", {"scale": 1.0})["scale"]
     spread = effects.get("ink_spread", {"spread_m": 0.0})["spread_m"] * nominal.MODULES / side
     curl = effects.get("plate_curl", {"rise_m": 0.0, "axis": 0})
     rises = np.full(len(plates[0]), curl["rise_m"])
+    net = tracer.SUBPIXEL_NET if fine > 1 else tracer.PIXEL_NET
     channels = []
     for dx, dy in grids:
         radiance, cover = tracer.trace(
@@ -90,7 +87,7 @@ def trace_capture(camera, plates, grids, rotation, centre, effects, margin, fine
             rises,
             curl["axis"],
             levels,
-            NET,
+            net,
             4 * fine,
         )
         radiance = light.shade(radiance, cover, dx, dy, rotation, centre, effects)
@@ -163,7 +160,8 @@ def _write_tables(folder, camera, captures):
     text = (
         f"schema: 1\nname: {folder.name}\norigin: simulated\nmarkers: markers.csv\ncaptures: captures.csv\n"
         f"cameras:\n  {camera.name}:\n    width: {camera.width}\n    height: {camera.height}\n"
-        f"    fx: {camera.fx}\n    fy: {camera.fx}\n    cx: {camera.cx}\n    cy: {camera.cy}\nreflectance:\n{reflectance}"
+        f"    fx: {camera.fx}\n    fy: {camera.fx}\n    cx: {camera.cx}\n    cy: {camera.cy}\n"
+        f"reflectance:\n{reflectance}"
         f"exposure: 1.0\nencoding: srgb\nnoise_dn: {nominal.NOISE_DN}\ntolerance:\n"
         f"  position_m: {nominal.TOLERANCE_POSITION_M}\n  angle_deg: {nominal.TOLERANCE_ANGLE_DEG}\n"
     )

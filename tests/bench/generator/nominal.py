@@ -68,9 +68,7 @@ def markers():
     for dictionary, x_even, x_odd in (("DICT_5X5_1000", -0.36, 0.12), ("DICT_ARUCO_ORIGINAL", 0.36, -0.12)):
         for i in range(20):
             x = x_odd if i % 2 else x_even
-            rows.append(
-                {"dictionary": dictionary, "id": i, "code_m": 0.07, "plate_m": 0.1, "x": x, "y": (i + 1) / 10}
-            )
+            rows.append({"dictionary": dictionary, "id": i, "code_m": 0.07, "plate_m": 0.1, "x": x, "y": (i + 1) / 10})
     return rows
 
 

@@ -14,12 +14,33 @@ DISC_STEP = 1 / 16
 
 
 @njit(cache=True)
-def _gather(image, kernels, reach, which, stride):
+def _unevenness(image):
+    """Return (rows + 1, columns + 1): how many samples above and left differ from their right or lower
+    neighbour.
+    """
+    rows, columns = image.shape
+    total = np.zeros((rows + 1, columns + 1), np.int32)
+    for i in range(rows):
+        line = 0
+        for j in range(columns):
+            here = image[i, j]
+            if image[i, min(j + 1, columns - 1)] != here or image[min(i + 1, rows - 1), j] != here:
+                line += 1
+            total[i + 1, j + 1] = total[i, j + 1] + line
+    return total
+
+
+@njit(cache=True)
+def _gather(image, runs, weights, first, reach, which, stride):
     """Return (rows / stride, columns / stride): sums over ``image`` weighted by kernel ``which`` of each
     output pixel.
+
+    Kernel k is ``runs[first[k] : first[k + 1]]``, none beyond ``reach[k]``: row and column offset, and which
+    ``weights`` (first, last + 1) lie side by side from there.
     """
     rows, columns = image.shape[0] // stride, image.shape[1] // stride
-    middle = kernels.shape[1] // 2
+    last_row, last_column = image.shape[0] - 1, image.shape[1] - 1
+    uneven = _unevenness(image)
     out = np.empty((rows, columns), np.float32)
     for i in range(rows):
         ci = i * stride + stride // 2
@@ -27,37 +48,47 @@ def _gather(image, kernels, reach, which, stride):
             cj = j * stride + stride // 2
             k = which[i, j]
             r = reach[k]
-            here = image[ci, cj]
-            flat = True
+            top, bottom = max(ci - r, 0), min(ci + r, last_row) + 1
+            left, right = max(cj - r, 0), min(cj + r, last_column) + 1
+            if uneven[bottom, right] - uneven[top, right] - uneven[bottom, left] + uneven[top, left] == 0:
+                out[i, j] = image[ci, cj]
+                continue
             total = 0.0
-            if ci - r < 0 or cj - r < 0 or ci + r >= image.shape[0] or cj + r >= image.shape[1]:
-                for a in range(-r, r + 1):
-                    y = min(max(ci + a, 0), image.shape[0] - 1)
-                    for b in range(-r, r + 1):
-                        x = min(max(cj + b, 0), image.shape[1] - 1)
-                        total += kernels[k, middle + a, middle + b] * image[y, x]
-                out[i, j] = total
-                continue
-            for a in range(-r, r + 1):
-                row = image[ci + a]
-                for b in range(-r, r + 1):
-                    if row[cj + b] != here:
-                        flat = False
-                        break
-                if not flat:
-                    break
-            if flat:
-                out[i, j] = here
-                continue
-            for a in range(-r, r + 1):
-                row = image[ci + a]
-                weights = kernels[k, middle + a]
-                part = np.float32(0.0)
-                for b in range(-r, r + 1):
-                    part += weights[middle + b] * row[cj + b]
-                total += part
+            if ci - r >= 0 and cj - r >= 0 and ci + r <= last_row and cj + r <= last_column:
+                for t in range(first[k], first[k + 1]):
+                    row, x = image[ci + runs[t, 0]], cj + runs[t, 1]
+                    part = np.float32(0.0)
+                    for n in range(runs[t, 2], runs[t, 3]):
+                        part += weights[n] * row[x]
+                        x += 1
+                    total += part
+            else:
+                for t in range(first[k], first[k + 1]):
+                    row, x = image[min(max(ci + runs[t, 0], 0), last_row)], cj + runs[t, 1]
+                    for n in range(runs[t, 2], runs[t, 3]):
+                        total += weights[n] * row[min(max(x, 0), last_column)]
+                        x += 1
             out[i, j] = total
     return out
+
+
+def _runs(kernels):
+    """Return runs (N, 4), weights, first (K + 1,) and reach (K,) of square kernels, zeros at rows' ends
+    left out.
+    """
+    runs, weights, first, reach, n = [], [], [0], [], 0
+    for kernel in kernels:
+        middle = kernel.shape[0] // 2
+        for row, line in enumerate(kernel):
+            used = np.flatnonzero(line)
+            if len(used):
+                part = line[used[0] : used[-1] + 1]
+                runs.append((row - middle, used[0] - middle, n, n + len(part)))
+                weights.append(part)
+                n += len(part)
+        first.append(len(runs))
+        reach.append(np.abs(np.argwhere(kernel) - middle).max())
+    return np.array(runs), np.concatenate(weights).astype(np.float32), np.array(first), np.array(reach)
 
 
 @njit(cache=True)
@@ -107,23 +138,19 @@ def _disc(radius, side):
 
 
 def _disc_kernels(largest, stride):
-    """Return kernels for discs of radius 0, 1/16, 2/16, ... fine samples, each with a disc's second moment,
-    and reaches.
+    """Return kernels for discs of radius 0, 1/16, 2/16, ... fine samples, each with a disc's second
+    moment.
     """
     side = 2 * int(np.ceil(largest + 1.5)) + 1
     axis = np.arange(side) - side // 2
     radii = np.arange(0, largest + 1.0, DISC_STEP / 2)
     drawn = [_disc(max(r, 0.05), side) for r in radii]
     moments = np.array([(k.sum(0) * axis**2).sum() for k in drawn])
-    kernels, reach = [], []
+    kernels = []
     for index in range(int(np.ceil(largest / DISC_STEP)) + 2):
         wanted = (index * DISC_STEP) ** 2 / 4  # variance per axis of a uniform disc
-        kernel = _box(drawn[int(np.argmin(np.abs(moments - wanted)))], stride)
-        middle = kernel.shape[0] // 2
-        used = np.flatnonzero(kernel.sum(0) > 0)
-        kernels.append(kernel)
-        reach.append(max(middle - used[0], used[-1] - middle))
-    return np.array(kernels, np.float32), np.array(reach, np.int64)
+        kernels.append(_box(drawn[int(np.argmin(np.abs(moments - wanted)))], stride))
+    return kernels
 
 
 def _smear(length, angle_deg):
@@ -187,15 +214,14 @@ def spread(fine_image, depth, camera, effects, margin):
             continue
         shape = (image.shape[0] // stride, image.shape[1] // stride)
         if name == "motion_blur":
-            kernel = _box(_smear(p["length_px"] * FINE, p["angle_deg"]), stride)
-            kernels = kernel[None].astype(np.float32)
-            reach, which = np.array([kernel.shape[0] // 2]), np.zeros(shape, np.int64)
+            kernels = [_box(_smear(p["length_px"] * FINE, p["angle_deg"]), stride)]
+            which = np.zeros(shape, np.int64)
         else:
             grid = 1 if stride > 1 else FINE
             radius = disc_radius_px(name, depth, camera, effects, margin, grid) * FINE
-            kernels, reach = _disc_kernels(float(radius.max()), stride)
+            kernels = _disc_kernels(float(radius.max()), stride)
             which = np.rint(radius / DISC_STEP).astype(np.int64)
-        image = _gather(image, kernels, reach, which, stride)
+        image = _gather(image, *_runs(kernels), which, stride)
     return image
 
 

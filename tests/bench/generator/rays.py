@@ -79,9 +79,7 @@ def corner_grid(camera, effects, channel, margin, fine):
         x, _ = pixel_directions(u, np.zeros_like(u), camera, effects, channel)
         _, y = pixel_directions(np.zeros_like(v), v, camera, effects, channel)
         shape = (len(v), len(u))
-        return np.ascontiguousarray(np.broadcast_to(x, shape)), np.ascontiguousarray(
-            np.broadcast_to(y[:, None], shape)
-        )
+        return np.ascontiguousarray(np.broadcast_to(x, shape)), np.ascontiguousarray(np.broadcast_to(y[:, None], shape))
     uu, vv = np.meshgrid(u, v)
     shutter = effects.get("rolling_shutter")
     if shutter and shutter["model"] == "shear":

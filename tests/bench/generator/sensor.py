@@ -33,15 +33,10 @@ def demosaic(image, p):
         green = np.array([[0, 1, 0], [1, 4, 1], [0, 1, 0]]) / 4
         other = np.array([[1, 2, 1], [2, 4, 2], [1, 2, 1]]) / 4
         kernels = (other, green, other)
-        full = [
-            convolve(np.where(m, raw, 0.0), k, mode="mirror") for m, k in zip(masks, kernels, strict=True)
-        ]
+        full = [convolve(np.where(m, raw, 0.0), k, mode="mirror") for m, k in zip(masks, kernels, strict=True)]
     else:
         at_green = (
-            np.array(
-                [[0, 0, -1, 0, 0], [0, 0, 2, 0, 0], [-1, 2, 4, 2, -1], [0, 0, 2, 0, 0], [0, 0, -1, 0, 0]]
-            )
-            / 8
+            np.array([[0, 0, -1, 0, 0], [0, 0, 2, 0, 0], [-1, 2, 4, 2, -1], [0, 0, 2, 0, 0], [0, 0, -1, 0, 0]]) / 8
         )
         along = (
             np.array(

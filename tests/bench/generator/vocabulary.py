@@ -368,7 +368,8 @@ def ghost_double(rng, s, camera):
 _SCENE = (camera_pose_offset, marker_scale, rail_sag, ink_spread, ink_reflectance, illumination_gradient,
           specular_highlight)  # fmt: skip
 _LENS = (focal_length, principal_point, radial_distortion, tangential_distortion,
-         lateral_chromatic_aberration, lens_blur, defocus, field_curvature, vignetting, veiling_glare)  # fmt: skip
+         lateral_chromatic_aberration, lens_blur, defocus, field_curvature, vignetting,
+         veiling_glare)  # fmt: skip
 _SHUTTER = (motion_blur, rolling_shutter)
 _SENSOR = (exposure, sensor_noise, fixed_pattern_noise, bayer_demosaic)
 _PROCESSING = (colour_balance, tone_curve, sharpening, denoising, jpeg_compression, local_warp)
