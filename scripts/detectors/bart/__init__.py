@@ -230,7 +230,7 @@ def _best_of_each(found):
     kept = []
     for f in sorted(found, key=lambda f: (f["wrong"], -f["contrast"])):
         centre = f["corners"].mean(axis=0)
-        near = (np.abs(centre - k["corners"].mean(axis=0)).max() < 0.25 * np.ptp(k["corners"]) for k in kept)
+        near = (np.abs(centre - k["corners"].mean(axis=0)).max() < 0.25 * np.ptp(k["corners"], axis=0).max() for k in kept)
         if not any(near):
             kept.append(f)
     return kept
