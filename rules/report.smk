@@ -142,10 +142,8 @@ rule build_report:
         notebooks=expand(f"{RESULTS}/notebooks/{{page}}.ipynb", page=PAGES),
         pages=expand(f"{RESULTS}/report/{{page}}.html", page=PAGES),
         provenance=f"{RESULTS}/provenance.json",
-        templates=[
-            "scripts/page_template.html.j2",
-            "scripts/report_template.html.j2",
-        ],
+        template="scripts/report_template.html.j2",
+        frame="scripts/page_template.html.j2",
         code=modules("job.py", "run_notebook.py"),
     output:
         page=f"{RESULTS}/report/index.html",

@@ -3,10 +3,9 @@
 import json
 from pathlib import Path
 
-import jinja2
 import job
 import pandas as pd
-from run_notebook import TEMPLATES, title_of
+from run_notebook import render, title_of
 
 
 def pictures_of(notebook):
@@ -106,7 +105,7 @@ def ladder_rows(path):
 
 
 def build_report(
-    tables, scene_file, notebooks, headlines_file, provenance_file, diagnoses, ladder_file, page
+    tables, scene_file, notebooks, headlines_file, provenance_file, diagnoses, ladder_file, template, page
 ):
     """Write ``index.html``.
 
@@ -114,20 +113,16 @@ def build_report(
     notebooks  executed notebooks, in reading order; each has its page ``NAME.html`` beside ``page``
     diagnoses  ``diagnosis/CAMERA.json`` files, none where nothing was diagnosed
     ladder_file  ``tables/ladder.csv`` or None
+    template   the report's jinja2 file
     """
     scene = json.loads(Path(scene_file).read_text())
     frames = {name: pd.read_csv(path) for name, path in tables.items()}
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        autoescape=jinja2.select_autoescape(default=True, default_for_string=True),
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     verdicts = []
     for path in sorted(diagnoses):
         diagnosis = json.loads(Path(path).read_text())
         verdicts.append((diagnosis["camera"], diagnosis["verdict"], verdict_words(diagnosis)))
-    html = environment.get_template("report_template.html.j2").render(
+    html = render(
+        template,
         title=f"{scene.get('name', 'twingap')}: camera against twin",
         simulated=scene.get("origin") == "simulated",
         compared=compared(scene, **frames),
@@ -152,5 +147,6 @@ if __name__ == "__main__":
         provenance_file=snakemake.input.provenance,
         diagnoses=snakemake.input.get("diagnoses", []),
         ladder_file=snakemake.input.get("ladder"),
+        template=snakemake.input.template,
         page=snakemake.output.page,
     )

@@ -12,8 +12,6 @@ from pathlib import Path
 import jinja2
 import job
 
-TEMPLATES = Path(__file__).parent
-
 
 def use_this_environment(scratch):
     """Make ``python3`` mean the Python that runs this script, whatever kernels the user's home has."""
@@ -45,19 +43,27 @@ def title_of(notebook):
     raise ValueError("the notebook has no heading '# ...' that could name its page")
 
 
-def page_of(notebook):
+def render(template, **values):
+    """Return the HTML of a jinja2 template file, which may extend others beside it."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(template).parent),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(Path(template).name).render(**values)
+
+
+def page_of(notebook, template):
     """Return the HTML page of an executed notebook, code left out."""
     from nbconvert import HTMLExporter
 
-    exporter = HTMLExporter(
-        template_name="basic", exclude_input=True, exclude_output_prompt=True, anchor_link_text=""
-    )
+    exporter = HTMLExporter(template_name="basic", exclude_input=True, exclude_output_prompt=True, anchor_link_text="")
     body, _ = exporter.from_notebook_node(notebook)
-    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True)
-    return environment.get_template("page_template.html.j2").render(title=title_of(notebook), body=body)
+    return render(template, title=title_of(notebook), body=body)
 
 
-def run_notebook(source, parameters, executed, page):
+def run_notebook(source, parameters, template, executed, page):
     """Execute ``source`` with ``parameters``, all of them paths; write the executed notebook and its page.
 
     Raises papermill's PapermillExecutionError, with the cell's traceback, where a cell fails; nothing is then
@@ -87,7 +93,7 @@ def run_notebook(source, parameters, executed, page):
             extra_arguments=["--log-level=CRITICAL"],  # the kernel tells of its transport at every start
         )
     notebook = without_clocks(notebook)
-    html = page_of(notebook)
+    html = page_of(notebook, template)
     with job.write_atomically(executed) as file:
         nbformat.write(notebook, file)
     with job.write_atomically(page) as file:
@@ -100,6 +106,7 @@ if __name__ == "__main__":
         snakemake,
         source=snakemake.input.notebook,
         parameters=dict(snakemake.params.paths),
+        template=snakemake.input.template,
         executed=snakemake.output.notebook,
         page=snakemake.output.page,
     )

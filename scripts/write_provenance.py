@@ -21,17 +21,14 @@ PACKAGES = [
     "dvc",
     "papermill",
 ]
-ROOT = Path(__file__).resolve().parents[1]
 SEED = "every random number is seeded by the names of what it is for (job.seed_of), never by order or time"
 
 
-def git_state(root=ROOT):
-    """Return ``{"commit", "changed_files"}`` of the repository; both None without git or a repository."""
+def git_state(root):
+    """Return ``{"commit", "changed_files"}`` of the repository at ``root``; both None where there is none."""
 
     def git(*arguments):
-        return subprocess.run(
-            ["git", "-C", root, *arguments], capture_output=True, text=True, check=True
-        ).stdout
+        return subprocess.run(["git", "-C", root, *arguments], capture_output=True, text=True, check=True).stdout
 
     try:
         commit = git("rev-parse", "HEAD").strip()
@@ -79,13 +76,14 @@ def render_facts(manifests):
 
 
 def write_provenance(manifests, lock_file, dvc_files, twin_files, config, provenance_file, run_config_file):
-    """Write ``provenance.json`` and ``run_config.yaml`` (the merged configuration).
+    """Write ``provenance.json`` and ``run_config.yaml`` (the merged configuration); run in the repository's root.
 
     manifests   render manifests, one a camera
+    lock_file   the environment's lock
     twin_files  the twins' effect files that were used; none for ideal twins
     """
     provenance = {
-        "git": git_state(),
+        "git": git_state("."),
         "python": platform.python_version(),
         "packages": installed_versions(PACKAGES),
         "lock_sha256": sha256_of(lock_file),

@@ -54,7 +54,9 @@ def run(tmp_path_factory):
 
 def execute(run, name, out):
     paths = {"results": run, "project": ROOT, "campaign": ""}
-    run_notebook(ROOT / f"notebooks/{name}.ipynb", paths, out / f"{name}.ipynb", out / f"{name}.html")
+    template = ROOT / "scripts/page_template.html.j2"
+    source = ROOT / f"notebooks/{name}.ipynb"
+    run_notebook(source, paths, template, out / f"{name}.ipynb", out / f"{name}.html")
     return out / f"{name}.ipynb", (out / f"{name}.html").read_text(encoding="utf-8")
 
 
@@ -95,6 +97,7 @@ def test_report_joins_pages_and_says_simulated(run):
         run / "provenance.json",
         [],
         None,
+        ROOT / "scripts/report_template.html.j2",
         page,
     )
     html = page.read_text(encoding="utf-8")
