@@ -1,0 +1,48 @@
+"""twingap: from a rig's description and photographs to the paper's tables and figures, and to what the twin lacks.
+
+    snakemake --cores 2                              everything, ending with results/NAME/report/index.html
+    snakemake --cores 2 diagnose                     to the verdicts
+    snakemake --cores 2 --config campaign=FOLDER     for a campaign of your own
+
+The way of the data is drawn in docs/architecture.md; each stage is a file in rules/.
+"""
+
+from snakemake.utils import min_version
+
+min_version("9.27")
+
+
+configfile: "config/config.default.yaml"
+
+
+include: "rules/common.smk"
+
+
+rule all:
+    input:
+        f"{RESULTS}/report/index.html",
+        f"{RESULTS}/tables/table1.csv",
+        f"{RESULTS}/tables/table2.csv",
+        DIAGNOSIS,
+    default_target: True
+    message:
+        f"The report is {RESULTS}/report/index.html"
+
+
+rule diagnose:
+    input:
+        DIAGNOSIS,
+    message:
+        f"The verdicts are in {RESULTS}/diagnosis"
+
+
+# In the order in which they run.
+include: "rules/data.smk"
+include: "rules/expand.smk"
+include: "rules/register.smk"
+include: "rules/render.smk"
+include: "rules/expose.smk"
+include: "rules/detect.smk"
+include: "rules/aggregate.smk"
+include: "rules/diagnose.smk"
+include: "rules/report.smk"

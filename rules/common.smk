@@ -1,0 +1,143 @@
+"""What all stages share: the checked configuration and campaign, names, and the helper functions of rules.
+
+Needs: the configuration. Makes: nothing. A wrong configuration or campaign ends here with one message, before any job.
+"""
+
+import importlib.metadata
+import re
+import sys
+from pathlib import Path
+
+sys.path.insert(0, "scripts")
+
+from detectors import contract
+from effects import pipeline
+from rig.campaign import load_campaign
+from rig.config import check_config
+from rig.errors import InputError
+from rig.experiment import load_experiment
+from rig.twins import load_twin
+from snakemake.exceptions import WorkflowError
+
+LOCK = "envs/twingap.lock.txt"
+
+
+def checked():
+    """Return (configuration, campaign or designed experiment); one message where either is wrong."""
+    try:
+        values = {k: v for k, v in config.items()}
+        if values.get("experiment") and "campaign" not in explicit_keys():
+            values["campaign"] = None
+        done = check_config(
+            values, contract.available(), sorted(pipeline.available_effects())
+        )
+        for name, parameters in done["detectors"].items():
+            contract.check_parameters(name, parameters)
+        source = (
+            load_campaign(done["campaign"])
+            if done["campaign"]
+            else load_experiment(done["experiment"])
+        )
+    except (InputError, ValueError) as error:
+        raise WorkflowError(str(error)) from None
+    return done, source
+
+
+def explicit_keys():
+    """Return the configuration's keys that were given on the command line."""
+    return set(workflow.overwrite_config)
+
+
+def locked(*packages):
+    """Return {package: version} from the lock: a bumped version reruns what names it."""
+    return {name: LOCKED[name] for name in packages}
+
+
+def read_lock(path):
+    """Return {package: version} of a requirements file."""
+    return dict(re.findall(r"^([A-Za-z0-9._-]+)==([^ \\\n]+)", Path(path).read_text(), re.M))
+
+
+def modules(*paths):
+    """Return the files of modules below scripts/: Snakemake does not see what a script imports."""
+    return [f"scripts/{path}" for path in paths]
+
+
+def campaign_files():
+    """Return the campaign's description and tables, or the experiment's files."""
+    if CAMPAIGN is None:
+        return [config["experiment"], *map(str, sorted(Path("config").glob("*s/*.yaml")))]
+    names = ["campaign.yaml", SOURCE.file.captures]
+    if SOURCE.file.markers:
+        names.append(SOURCE.file.markers)
+    return [f"{CAMPAIGN}/{name}" for name in names]
+
+
+def captures_of(wildcards):
+    """Return the images of wildcards.camera; their times do not count (DVC does not keep them)."""
+    if CAMPAIGN is None:
+        return []
+    rows = SOURCE.captures
+    return [
+        ancient(f"{CAMPAIGN}/{image}")
+        for image in rows[rows.camera == wildcards.camera].image
+    ]
+
+
+def dvc_files():
+    """Return the campaign's .dvc file, where it is tracked: the trigger for changed captures."""
+    path = Path(f"{CAMPAIGN}.dvc")
+    return [str(path)] if CAMPAIGN and path.is_file() else []
+
+
+def twin_of(wildcards):
+    """Return the twin's file of wildcards.camera, where the user adopted effects."""
+    path = Path(f"config/twins/{NAME}/{wildcards.camera}.yaml")
+    return [str(path)] if path.is_file() else []
+
+
+def twin_effects(camera, *stages):
+    """Return [[effect, parameters], ...] of a camera's twin, of some stages (all where none is named)."""
+    try:
+        effects = load_twin(f"config/twins/{NAME}/{camera}.yaml").effects
+    except InputError as error:
+        raise WorkflowError(str(error)) from None
+    found = pipeline.available_effects()
+    return [[n, p] for n, p in effects if not stages or found[n].STAGE in stages]
+
+
+def twin_files():
+    """Return the twins' files of all cameras."""
+    paths = [Path(f"config/twins/{NAME}/{camera}.yaml") for camera in CAMERAS]
+    return [str(path) for path in paths if path.is_file()]
+
+
+def detector_code(wildcards):
+    """Return the files of one detector."""
+    return contract.files_of(wildcards.detector)
+
+
+def detector_parameters(wildcards):
+    """Return the configured parameters of one detector."""
+    return config["detectors"][wildcards.detector]
+
+
+LOCKED = read_lock(LOCK)
+checked_config, SOURCE = checked()
+config.update(checked_config)
+CAMPAIGN = config["campaign"].rstrip("/") if config["campaign"] else None
+NAME = SOURCE.file.name
+RESULTS = f"results/{NAME}"
+CAMERAS = sorted(
+    set(SOURCE.captures.camera) if CAMPAIGN else SOURCE.file.cameras
+)
+DETECTORS = sorted(config["detectors"])
+DIAGNOSIS = (
+    expand(f"{RESULTS}/diagnosis/{{camera}}.json", camera=CAMERAS) + [f"{RESULTS}/tables/ladder.csv"]
+    if CAMPAIGN
+    else []
+)
+
+
+wildcard_constraints:
+    camera="|".join(CAMERAS),

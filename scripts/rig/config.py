@@ -1,0 +1,83 @@
+"""The workflow's configuration: these models are its only source.
+
+The commented default (config/config.default.yaml), the JSON schema and the table in config/README.md are generated
+from them by ``python scripts/generate_config.py``.
+"""
+
+from typing import Literal
+
+from pydantic import Field, ValidationError
+
+from rig.campaign import Strict
+from rig.errors import InputError
+from rig.safe_yaml import validation_message
+
+
+class Render(Strict):
+    """Blender: linear radiance of every station."""
+
+    device: Literal["cpu", "gpu"] = Field("cpu", description="gpu is used where Blender finds one, else the CPU")
+    edge_samples: int = Field(
+        512, ge=16, le=16384, description="samples in pixels that an edge crosses; fewer are faster and noisier"
+    )
+    overscan: float = Field(
+        0.12, ge=0, le=1, description="margin on each side, share of the longer side; a strongly bent lens needs more"
+    )
+    threads: int = Field(1, ge=1, le=256, description="threads of one render job")
+
+
+class Aggregate(Strict):
+    """Tables 1 and 2."""
+
+    reference_detector: str = Field("aruco", description="whose detections Table 1 counts")
+
+
+class Diagnose(Strict):
+    """Which effect is missing."""
+
+    candidates: list[str] = Field(
+        default_factory=list, description="effects that compete; empty: all in scripts/effects", max_length=200
+    )
+    most_steps: int = Field(6, ge=1, le=20, description="effects that a climb adds at most")
+
+
+class Config(Strict):
+    """config.yaml"""
+
+    campaign: str | None = Field("data/raw/frame", description="folder of measurements; see docs/campaign-format.md")
+    experiment: str | None = Field(
+        None, description="a designed experiment without photographs, in place of a campaign: config/experiments/*.yaml"
+    )
+    seed: str = Field("twingap", max_length=64, description="enters every random number, together with names")
+    detectors: dict[str, dict] = Field(
+        default_factory=lambda: {"aruco": {}, "aruco_subpix": {}, "bart": {}},
+        description="detectors that run, each with parameters that differ from its defaults",
+    )
+    render: Render = Field(default_factory=Render, description="how Blender renders")
+    aggregate: Aggregate = Field(default_factory=Aggregate, description="how detections are counted")
+    diagnose: Diagnose = Field(default_factory=Diagnose, description="how the missing effect is searched")
+
+
+def check_config(data, detectors, effects):
+    """Return the configuration (dict) with defaults filled in.
+
+    detectors, effects: names that exist. Raises InputError naming key, value and what is allowed.
+    """
+    try:
+        config = Config.model_validate(data)
+    except ValidationError as error:
+        raise InputError(validation_message("configuration", error)) from None
+    if (config.campaign is None) == (config.experiment is None):
+        raise InputError("configuration: give either campaign or experiment (the other null)")
+    for name in config.detectors:
+        if name not in detectors:
+            raise InputError(f"configuration: detectors: {name!r} does not exist; there are {', '.join(detectors)}")
+    if config.aggregate.reference_detector not in config.detectors:
+        raise InputError(
+            f"configuration: aggregate.reference_detector is {config.aggregate.reference_detector!r}, "
+            f"which is not among detectors: {', '.join(config.detectors)}"
+        )
+    for name in config.diagnose.candidates:
+        if name not in effects:
+            raise InputError(f"configuration: diagnose.candidates: {name!r} does not exist; there are {', '.join(effects)}")
+    return config.model_dump()

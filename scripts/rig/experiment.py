@@ -1,0 +1,231 @@
+"""A designed experiment: cameras by their data sheets, a rig by rule, stations by heights and tilts or distances.
+
+Rendered and detected like a campaign, without photographs: what a rig would see before it is built.
+"""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+import pandas as pd
+from pydantic import Field, ValidationError, model_validator
+
+from rig.campaign import LARGEST_PX, NAME, POSE, NominalCamera, Reflectance, Strict
+from rig.errors import InputError
+from rig.geometry import split_pose
+from rig.plates import aruco_dictionary
+from rig.safe_yaml import load_yaml, validation_message
+
+FOV_AGREES = 0.02  # stated field of view and focal length may differ by this share
+
+
+class CameraSheet(Strict):
+    """A camera by its data sheet. fx, fy, cx, cy follow from the field of view."""
+
+    width: int = Field(ge=8, le=LARGEST_PX, description="pixels")
+    height: int = Field(ge=8, le=LARGEST_PX, description="pixels")
+    fov_deg: float = Field(gt=1, lt=170, description="stated field of view, degrees")
+    fov_axis: Literal["horizontal", "vertical", "diagonal"] = Field(description="which field of view is stated")
+    focal_mm: float | None = Field(None, gt=0, lt=1000, description="focal length; checked with sensor_width_mm")
+    sensor_width_mm: float | None = Field(None, gt=0, lt=500, description="width of the sensor's image area")
+
+    @property
+    def focal_px(self):
+        """Focal length in pixels from the field of view."""
+        extent = {
+            "horizontal": self.width,
+            "vertical": self.height,
+            "diagonal": math.hypot(self.width, self.height),
+        }[self.fov_axis]
+        return extent / 2 / math.tan(math.radians(self.fov_deg) / 2)
+
+    @model_validator(mode="after")
+    def agrees(self):
+        """Refuse a field of view that disagrees with the focal length and the sensor."""
+        if self.focal_mm is not None and self.sensor_width_mm is not None:
+            by_sensor = self.focal_mm / self.sensor_width_mm * self.width
+            if abs(by_sensor / self.focal_px - 1) > FOV_AGREES:
+                allowed = math.degrees(2 * math.atan(self.width / 2 / by_sensor))
+                raise ValueError(
+                    f"fov_deg {self.fov_deg:g} ({self.fov_axis}) means a focal length of {self.focal_px:.0f} px, but "
+                    f"focal_mm {self.focal_mm:g} on sensor_width_mm {self.sensor_width_mm:g} means {by_sensor:.0f} px "
+                    f"(horizontally {allowed:.1f} degrees); they may differ by {FOV_AGREES:.0%}"
+                )
+        return self
+
+    def nominal(self):
+        """Return the NominalCamera."""
+        f = self.focal_px
+        return NominalCamera(
+            width=self.width, height=self.height, fx=f, fy=f, cx=(self.width - 1) / 2, cy=(self.height - 1) / 2
+        )
+
+
+class Ladder(Strict):
+    """Plates on the ground along y, alternating between two columns."""
+
+    dictionary: str = Field(description="OpenCV's name of the dictionary")
+    first_id: int = Field(0, ge=0, description="ids count up from here")
+    plates: int = Field(20, ge=1, le=1000, description="number of plates")
+    columns_x_m: Annotated[list[float], Field(min_length=1, max_length=20)] = Field(description="x of the columns, m")
+    first_y_m: float = Field(description="y of the first plate, m")
+    step_y_m: float = Field(gt=0, description="y from plate to plate, m")
+    code_m: float = Field(0.07, gt=0, description="side of the code, m")
+    plate_m: float = Field(0.10, gt=0, description="side of the plate, m")
+
+    @model_validator(mode="after")
+    def fits(self):
+        """The code must fit its plate, the ids their dictionary."""
+        if self.code_m > self.plate_m:
+            raise ValueError(f"code_m {self.code_m:g} is larger than plate_m {self.plate_m:g}")
+        known = len(aruco_dictionary(self.dictionary).bytesList)
+        if self.first_id + self.plates > known:
+            raise ValueError(f"ids {self.first_id}..{self.first_id + self.plates - 1}; {self.dictionary} has {known}")
+        return self
+
+    def rows(self):
+        """Return the plates' rows of the markers' table."""
+        x = self.columns_x_m
+        return [
+            [self.dictionary, self.first_id + i, self.code_m, self.plate_m, x[i % len(x)],
+             self.first_y_m + i * self.step_y_m, 0.0, 0.0, 0.0, 0.0]
+            for i in range(self.plates)
+        ]  # fmt: skip
+
+
+class Board(Strict):
+    """An upright board of markers on a carriage: columns x rows plates facing the camera (towards -y)."""
+
+    dictionary: str = Field(description="OpenCV's name of the dictionary")
+    first_id: int = Field(0, ge=0, description="ids count up from here, row by row from the top left")
+    columns: int = Field(5, ge=1, le=100, description="plates side by side")
+    rows: int = Field(4, ge=1, le=100, description="plates above each other")
+    pitch_m: float = Field(0.12, gt=0, description="from plate to plate, m")
+    centre_z_m: float = Field(0.3, description="height of the board's centre, m")
+    code_m: float = Field(0.07, gt=0, description="side of the code, m")
+    plate_m: float = Field(0.10, gt=0, description="side of the plate, m")
+
+    @model_validator(mode="after")
+    def fits(self):
+        """The code must fit its plate, the plate its pitch."""
+        if self.code_m > self.plate_m or self.plate_m > self.pitch_m:
+            raise ValueError(
+                f"code_m {self.code_m:g} <= plate_m {self.plate_m:g} <= pitch_m {self.pitch_m:g} does not hold"
+            )
+        return self
+
+    def plate_rows(self):
+        """Return the plates' rows of the markers' table, the board at y = 0."""
+        made = []
+        for j in range(self.rows):
+            for i in range(self.columns):
+                x = (i - (self.columns - 1) / 2) * self.pitch_m
+                z = self.centre_z_m + ((self.rows - 1) / 2 - j) * self.pitch_m
+                marker = self.first_id + j * self.columns + i
+                # turned a quarter about x: the plate's y is up, its z looks towards -y
+                made.append(
+                    [self.dictionary, marker, self.code_m, self.plate_m, x, 0.0, z, math.pi / 2, 0.0, 0.0]
+                )
+        return made
+
+
+class Experiment(Strict):
+    """config/experiments/*.yaml"""
+
+    name: str = Field(pattern=NAME, max_length=64, description="names the results' folder")
+    cameras: dict[str, str] = Field(min_length=1, description="name: file below config/cameras")
+    rig: str = Field(description="file below config/rigs")
+    heights_m: list[float] = Field(min_length=1, description="heights of the cameras, m")
+    tilts_deg: list[float] = Field(min_length=1, description="tilts below the horizontal, degrees")
+    distances_m: list[float] = Field(
+        default_factory=lambda: [0.0], description="carriage rig: distances of the board from the camera, m"
+    )
+    reflectance: Reflectance = Field(default_factory=Reflectance, description="linear reflectances")
+    noise_dn: float = Field(1.0, ge=0, le=100, description="temporal noise, grey levels")
+
+
+class RigFile(Strict):
+    """config/rigs/*.yaml: ladders on the ground or a board on a carriage."""
+
+    ladders: list[Ladder] = Field(default_factory=list, description="plates on the ground")
+    boards: list[Board] = Field(default_factory=list, description="upright boards, moved by distances_m")
+
+
+@dataclass(frozen=True)
+class _Facts:
+    name: str
+    cameras: dict
+    reflectance: Reflectance
+    noise_dn: float
+    origin: str = "simulated"
+    exposure: float = 1.0
+    encoding: str = "srgb"
+    tolerance: None = None
+    target: None = None
+    markers: str = "markers.csv"
+
+
+@dataclass(frozen=True)
+class DesignedCampaign:
+    """What rig.campaign.Campaign is for measurements: ``captures`` has one row a station."""
+
+    file: _Facts
+    markers: pd.DataFrame
+    captures: pd.DataFrame
+
+
+def _model(kind, path):
+    try:
+        from rig.campaign import _whole_floats
+
+        return kind.model_validate(_whole_floats(load_yaml(path)))
+    except ValidationError as error:
+        raise InputError(validation_message(path, error)) from None
+
+
+def load_experiment(path):
+    """Return the DesignedCampaign of an experiment's file; camera and rig files lie beside its folder."""
+    path = Path(path)
+    experiment = _model(Experiment, path)
+    config = path.parent.parent
+    cameras = {n: _model(CameraSheet, config / "cameras" / f).nominal() for n, f in experiment.cameras.items()}
+    rig = _model(RigFile, config / "rigs" / experiment.rig)
+    rows = [row for ladder in rig.ladders for row in ladder.rows()]
+    rows += [row for board in rig.boards for row in board.plate_rows()]
+    markers = pd.DataFrame(rows, columns=["dictionary", "id", "code_m", "plate_m", "x", "y", "z", "rx", "ry", "rz"])
+    doubled = markers[markers.duplicated(["dictionary", "id"])]
+    if len(doubled):
+        raise InputError(f"{config / 'rigs' / experiment.rig}: {doubled.iloc[0].dictionary} {doubled.iloc[0].id} stands twice")
+    facts = _Facts(experiment.name, cameras, experiment.reflectance, experiment.noise_dn)
+    return DesignedCampaign(facts, markers, _stations(experiment))
+
+
+def _stations(experiment):
+    """Return one row a camera and station; a carriage at a distance is a camera stepping back by it."""
+    made = []
+    for camera in experiment.cameras:
+        for distance in experiment.distances_m:
+            for height in experiment.heights_m:
+                for tilt in experiment.tilts_deg:
+                    made.append(_station(camera, height, tilt, distance))
+    return pd.DataFrame(made)
+
+
+def _station(camera, height_m, tilt_deg, distance_m):
+    row = {"camera": camera, "trial": 0, "image": "", "sequence": "", "frame": None, "t_s": math.nan}
+    row |= dict.fromkeys(POSE, math.nan)
+    row |= {"height_m": float(height_m), "tilt_deg": float(tilt_deg)}
+    name = f"{camera}_h{round(height_m * 1000):04d}_t{tilt_deg:g}".replace(".", "p")
+    if distance_m:
+        from rig.geometry import station_pose
+
+        T = station_pose(height_m, tilt_deg)
+        step_back = np.eye(4)
+        step_back[1, 3] = distance_m
+        rvec, tvec = split_pose(T @ step_back)
+        row |= dict(zip(POSE, [*rvec, *tvec], strict=True))
+        row |= {"height_m": math.nan, "tilt_deg": math.nan}
+        name += f"_d{round(distance_m * 1000):04d}"
+    return row | {"capture": name}

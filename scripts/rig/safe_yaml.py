@@ -1,0 +1,66 @@
+"""Read YAML from strangers: plain data only, duplicate keys refused, one message that names file and line."""
+
+from pathlib import Path
+
+import yaml
+
+from rig.errors import InputError
+
+LARGEST_BYTES = 1_000_000
+
+
+class _PlainLoader(yaml.SafeLoader):
+    pass
+
+
+def _mapping(loader, node, deep=False):
+    seen = set()
+    for key_node, _ in node.value:
+        key = loader.construct_object(key_node, deep=True)
+        if not isinstance(key, str | int):
+            raise yaml.constructor.ConstructorError(None, None, f"key {key!r} is not a word", key_node.start_mark)
+        if key in seen:
+            raise yaml.constructor.ConstructorError(None, None, f"key {key!r} stands twice", key_node.start_mark)
+        seen.add(key)
+    return yaml.SafeLoader.construct_mapping(loader, node, deep=True)
+
+
+_PlainLoader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
+
+
+def load_yaml(path):
+    """Return the mapping in a YAML file; raise InputError for anything else: tags that build objects, anchors that
+    multiply, keys that stand twice, files over a megabyte.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    if path.stat().st_size > LARGEST_BYTES:
+        raise InputError(f"{path}: {path.stat().st_size} bytes; at most {LARGEST_BYTES} are read")
+    try:
+        text = path.read_text(encoding="utf-8")
+        if any(isinstance(event, yaml.events.AliasEvent) for event in yaml.parse(text, Loader=_PlainLoader)):
+            raise InputError(f"{path}: YAML aliases (*name) are not allowed")
+        data = yaml.load(text, Loader=_PlainLoader)  # noqa: S506 - a SafeLoader
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not UTF-8 text ({error.reason})") from None
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f", line {mark.line + 1}" if mark else ""
+        raise InputError(f"{path}{where}: {getattr(error, 'problem', None) or error}") from None
+    except RecursionError:
+        raise InputError(f"{path}: nested too deeply") from None
+    if not isinstance(data, dict):
+        raise InputError(f"{path}: expected keys and values, found {type(data).__name__}")
+    return data
+
+
+def validation_message(path, error):
+    """Return one line for a pydantic ValidationError: file, key, value, what is wrong."""
+    first = error.errors()[0]
+    key = ".".join(str(part) for part in first["loc"]) or "(top)"
+    value = first.get("input")
+    shown = "" if isinstance(value, dict | list) else f" is {value!r}"
+    message = first["msg"].removeprefix("Value error, ")
+    more = f" (and {len(error.errors()) - 1} more)" if len(error.errors()) > 1 else ""
+    return f"{path}: {key}{shown}: {message}{more}"

@@ -1,0 +1,68 @@
+"""The tables that stages hand each other: their columns (pandera), how they are read and written."""
+
+import pandas as pd
+import pandera.pandas as pa
+
+from job import write_atomically
+from rig.errors import InputError
+
+TEXT, REAL, WHOLE = str, float, int
+
+
+def _columns(kind, names, nullable=False):
+    return {n: pa.Column(kind, nullable=nullable, coerce=True) for n in names}
+
+
+POSE = ["rx", "ry", "rz", "tx", "ty", "tz"]
+MARKERS = pa.DataFrameSchema(
+    _columns(TEXT, ["dictionary"])
+    | _columns(WHOLE, ["id"])
+    | _columns(REAL, ["code_m", "plate_m", "x", "y", "z", "rx", "ry", "rz"]),
+    strict=True,
+    unique=["dictionary", "id"],
+)
+CAMERAS = pa.DataFrameSchema(
+    _columns(TEXT, ["camera"])
+    | _columns(WHOLE, ["width", "height"])
+    | _columns(REAL, ["fx", "fy", "cx", "cy"], nullable=True),
+    strict=True,
+    unique=["camera"],
+)
+STATIONS = pa.DataFrameSchema(
+    _columns(TEXT, ["camera", "station"]) | _columns(REAL, ["height_m", "tilt_deg", *POSE], nullable=True),
+    strict=True,
+    unique=["camera", "station"],
+)
+CAPTURES = pa.DataFrameSchema(
+    _columns(TEXT, ["capture", "camera", "station"])
+    | _columns(WHOLE, ["trial"])
+    | _columns(TEXT, ["image"])
+    | _columns(TEXT, ["sequence"], nullable=True)
+    | _columns("Int64", ["frame"], nullable=True)
+    | _columns(REAL, ["t_s"], nullable=True),
+    strict=True,
+    unique=["capture"],
+)
+
+
+def read_table(path, schema):
+    """Return a table as the schema has it; raises InputError naming file and column where it is not."""
+    text = {name: str for name, c in schema.columns.items() if c.dtype and "str" in str(c.dtype)}
+    table = pd.read_csv(path, dtype=text, keep_default_na=True)
+    for name in text:
+        table[name] = table[name].fillna("")
+    return _checked(table, path, schema)
+
+
+def write_table(table, path, schema):
+    """Check a table and write it as CSV, atomically, floats at full precision."""
+    checked = _checked(table, path, schema)
+    with write_atomically(path) as file:
+        checked.to_csv(file, index=False, lineterminator="\n")
+
+
+def _checked(table, path, schema):
+    try:
+        return schema.validate(table)[list(schema.columns)]
+    except pa.errors.SchemaError as error:
+        raise InputError(f"{path}: {str(error).splitlines()[0]}") from None
