@@ -24,6 +24,8 @@ BLUE, ORANGE, GREEN, GREY = "#0072B2", "#D55E00", "#009E73", "#595959"
 FOUND, MISSED = "#00C8FF", "#FF8C00"  # bright enough on grey photographs; missed is dashed as well
 POSE = ["rx", "ry", "rz", "tx", "ty", "tz"]
 WIDTH_IN = 5.0
+# Names are text, however much they look like numbers.
+NAMES = dict.fromkeys(("camera", "algorithm", "capture", "station", "dictionary", "image"), str)
 
 plt.rcParams.update(
     {
@@ -47,9 +49,14 @@ def read_run(results):
     results = Path(results)
     run = {"results": results, "scene": json.loads((results / "expand/scene.json").read_text())}
     for name in ("markers", "cameras", "stations", "captures"):
-        run[name] = pd.read_csv(results / f"expand/{name}.csv")
+        run[name] = read_table(results / f"expand/{name}.csv")
     run["cells"] = pd.read_parquet(results / "aggregate/cells.parquet")
     return SimpleNamespace(**run)
+
+
+def read_table(path):
+    """Return a CSV table."""
+    return pd.read_csv(path, dtype=NAMES)
 
 
 def real_name(run):
@@ -125,14 +132,12 @@ def read_capture(run, campaign, camera, capture):
     stations = run.stations[run.stations.camera == camera].set_index("station")
     T_twin = _pose(stations.loc[station]) if station in stations.index else None
     poses = run.results / f"register/{camera}.csv"
-    T_real = _pose(pd.read_csv(poses).set_index("capture").loc[capture]) if row is not None else T_twin
+    T_real = _pose(read_table(poses).set_index("capture").loc[capture]) if row is not None else T_twin
     real = cv2.imread(str(Path(campaign) / row.image)) if row is not None else None
     twin = cv2.imread(str(run.results / f"twin/{camera}/{capture}.png"))
     K = camera_matrix(*(frame[name] for name in ("fx", "fy", "cx", "cy")))
     T_real = T_twin if T_real is None else T_real
-    return SimpleNamespace(
-        real=real, twin=twin, K=K, T_real=T_real, T_twin=T_real if T_twin is None else T_twin
-    )
+    return SimpleNamespace(real=real, twin=twin, K=K, T_real=T_real, T_twin=T_real if T_twin is None else T_twin)
 
 
 def _pose(row):
@@ -201,9 +206,7 @@ def heat_map(cells, side, heights, edges, title):
     """Return a figure: share of the markers that ``side`` found, by height and distance; grey: none."""
     n_rows, n_columns = len(heights), len(edges) - 1
     row = (
-        cells.height_m.map({h: k for k, h in enumerate(heights)}).to_numpy()
-        if heights[0] is not None
-        else 0 * cells.id
+        cells.height_m.map({h: k for k, h in enumerate(heights)}).to_numpy() if heights[0] is not None else 0 * cells.id
     )
     column = np.clip(np.digitize(cells.range_m, edges) - 1, 0, n_columns - 1)
     at = (np.asarray(row, int), column)
@@ -319,10 +322,7 @@ def markdown_table(path):
         parts.append("</tr></thead><tbody>")
         for row in body:
             kind = ' class="paper"' if row[0].endswith(", paper") else ""
-            cells = (
-                html.escape(c).replace(" (", "<br><small>(", 1) + ("</small>" if " (" in c else "")
-                for c in row
-            )
+            cells = (html.escape(c).replace(" (", "<br><small>(", 1) + ("</small>" if " (" in c else "") for c in row)
             parts.append(f"<tr{kind}>" + "".join(f"<td>{c}</td>" for c in cells) + "</tr>")
         parts.append("</tbody></table></div>")
     parts += [f'<p class="note">{html.escape(note)}</p>' for note in notes]

@@ -17,7 +17,13 @@ rule aggregate_detections:
             camera=CAMERAS,
             detector=DETECTORS,
         ),
-        code=modules("job.py", "rig/geometry.py", "rig/metrics.py", "rig/plates.py"),
+        code=modules(
+            "job.py",
+            "rig/geometry.py",
+            "rig/metrics.py",
+            "rig/plates.py",
+            "rig/tables.py",
+        ),
     output:
         cells=f"{RESULTS}/aggregate/cells.parquet",
         false_ids=f"{RESULTS}/aggregate/false_ids.parquet",
@@ -26,7 +32,7 @@ rule aggregate_detections:
     conda:
         "../envs/twingap.yaml"
     params:
-        pins=locked("numpy", "scipy", "pandas", "pyarrow"),
+        pins=locked("numpy", "scipy", "pandas", "pandera", "pyarrow"),
     message:
         "Counting what was found of what was there"
     script:

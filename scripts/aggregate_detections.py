@@ -16,9 +16,13 @@ import pyarrow.parquet as pq
 from rig.geometry import camera_matrix, make_pose, project, station_pose, transform
 from rig.metrics import is_flipped, relative_rotvec_deg
 from rig.plates import marker_corners_world
+from rig.tables import CAMERAS, CAPTURES, MARKERS, STATIONS, read_table
 
 log = logging.getLogger("twingap")
 
+SCHEMAS = {"markers": MARKERS, "cameras": CAMERAS, "stations": STATIONS, "captures": CAPTURES}
+# Names are text, however much they look like numbers.
+NAMES = dict.fromkeys(("source", "capture", "station", "dictionary"), str)
 POSE = ["rx", "ry", "rz", "tx", "ty", "tz"]
 INTRINSICS = ["fx", "fy", "cx", "cy"]
 CORNERS = ["x0", "y0", "x1", "y1", "x2", "y2", "x3", "y3"]
@@ -232,9 +236,7 @@ def write_parquet(table, types, path):
     table = table.reindex(columns=list(types))
     schema = pa.schema(list(types.items()))
     with job.write_atomically(path, "wb") as file:
-        pq.write_table(
-            pa.Table.from_pandas(table, schema=schema, preserve_index=False).replace_schema_metadata(), file
-        )
+        pq.write_table(pa.Table.from_pandas(table, schema=schema, preserve_index=False).replace_schema_metadata(), file)
 
 
 def aggregate_detections(tables, detections, registers, register_jsons, cells_file, false_ids_file):
@@ -244,9 +246,7 @@ def aggregate_detections(tables, detections, registers, register_jsons, cells_fi
     detections      paths ``.../CAMERA/DETECTOR.csv``
     registers, register_jsons  paths ``.../CAMERA.csv`` and ``.../CAMERA.json``, empty without photographs
     """
-    markers, cameras, stations, captures = (
-        pd.read_csv(tables[name]) for name in ("markers", "cameras", "stations", "captures")
-    )
+    markers, cameras, stations, captures = (read_table(tables[name], schema) for name, schema in SCHEMAS.items())
     register_of = {Path(path).stem: path for path in registers}
     json_of = {Path(path).stem: path for path in register_jsons}
     cells, false_ids = [], []
@@ -255,10 +255,10 @@ def aggregate_detections(tables, detections, registers, register_jsons, cells_fi
         detections = []
     for path in sorted(map(Path, detections)):
         camera, detector = path.parent.name, path.stem
-        register = pd.read_csv(register_of[camera]) if camera in register_of else None
+        register = pd.read_csv(register_of[camera], dtype=NAMES) if camera in register_of else None
         frame = frame_of(camera, cameras, json_of.get(camera))
         c, f = aggregate_camera(
-            camera, detector, pd.read_csv(path), markers, captures, stations, frame, register
+            camera, detector, pd.read_csv(path, dtype=NAMES), markers, captures, stations, frame, register
         )
         cells.append(c)
         false_ids.append(f)

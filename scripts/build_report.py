@@ -116,7 +116,7 @@ def build_report(
     template   the report's jinja2 file
     """
     scene = json.loads(Path(scene_file).read_text())
-    frames = {name: pd.read_csv(path) for name, path in tables.items()}
+    frames = {name: pd.read_csv(path, dtype={"station": str}) for name, path in tables.items()}
     verdicts = []
     for path in sorted(diagnoses):
         diagnosis = json.loads(Path(path).read_text())
@@ -124,7 +124,7 @@ def build_report(
     html = render(
         template,
         title=f"{scene.get('name', 'twingap')}: camera against twin",
-        simulated=scene.get("origin") == "simulated",
+        simulated=scene.get("origin") == "simulated" and len(frames["captures"]) > 0,
         compared=compared(scene, **frames),
         headlines=json.loads(Path(headlines_file).read_text()),
         sections=sections_of(notebooks),

@@ -67,12 +67,13 @@ def measures_of(cells, *names):
     steady = pairs[~pairs.flipped]
     both = int((there.real & there.twin).sum())
     row = {"n_markers": len(there), "n_captures": cells.capture.nunique(), "n_cells": len(cells)}
-    row |= {"n_real": int(there.real.sum()), "n_twin": int(there.twin.sum()), "n_both": both}
-    row |= {"n_pairs": len(pairs), "n_flips": int(pairs.flipped.sum())}
+    row["n_twin"] = int(there.twin.sum())
     share(row, "coverage_twin_pct", row["n_twin"], len(there))
     row["coverage_rig_twin_pct"] = 100 * row["n_twin"] / len(cells) if len(cells) else np.nan
     if not has_real:
         return row
+    row |= {"n_real": int(there.real.sum()), "n_both": both}
+    row |= {"n_pairs": len(pairs), "n_flips": int(pairs.flipped.sum())}
     share(row, "coverage_pct", row["n_real"], len(there))
     row["coverage_rig_pct"] = 100 * row["n_real"] / len(cells) if len(cells) else np.nan
     share(row, "precision_pct", both, row["n_twin"])
@@ -199,10 +200,10 @@ def notes_of(table, origin):
         "In brackets: 95 % intervals, Wilson for shares, bootstrap over captures for kappa and means. Flips "
         "of the planar ambiguity are counted apart and not averaged in."
     ]
-    if origin == "simulated":
-        notes.append("The images called real are a simulated stand-in for captures.")
-    if table.coverage_pct.isna().all():
+    if table.n_real.isna().all():
         notes.append("No photographs: coverage of the twin alone.")
+    elif origin == "simulated":
+        notes.append("The images called real are a simulated stand-in for captures.")
     if (table.algorithm == REFERENCE_DETECTOR).any() and table.camera.isin(PUBLISHED).any():
         notes.append(PUBLISHED_NOTE)
     return notes
@@ -212,7 +213,7 @@ def headline(row):
     """Return what a row of Table 1 says, in words made from its numbers."""
     if row.n_markers == 0:
         return f"{row.camera}: no marker is known to lie wholly in any picture."
-    if pd.isna(row.coverage_pct):
+    if pd.isna(row.n_real):
         return (
             f"{row.camera}: the twin lets {row.algorithm} find {row.coverage_twin_pct:.1f} % of "
             f"{row.n_markers} markers; there are no photographs to compare with."

@@ -59,19 +59,15 @@ def write(folder, detections, captures=("a", "b"), the_markers=None, register=Tr
         columns=["camera", "station", "height_m", "tilt_deg", *POSE],
     ).to_csv(tables["stations"], index=False)
     pd.DataFrame(
-        [[c, "top", "h1", k, f"{c}.png"] for k, c in enumerate(captures)],
-        columns=["capture", "camera", "station", "trial", "image"],
+        [[c, "top", "h1", k, f"{c}.png", None, None, None] for k, c in enumerate(captures)],
+        columns=["capture", "camera", "station", "trial", "image", "sequence", "frame", "t_s"],
     ).to_csv(tables["captures"], index=False)
     registers, register_jsons = [], []
     if register:
         registers, register_jsons = [folder / "register/top.csv"], [folder / "register/top.json"]
         registers[0].parent.mkdir(exist_ok=True)
-        pd.DataFrame([[c, *pose] for c in captures], columns=["capture", *POSE]).to_csv(
-            registers[0], index=False
-        )
-        register_jsons[0].write_text(
-            json.dumps({"fx": FOCAL_PX, "fy": FOCAL_PX, "cx": K[0, 2], "cy": K[1, 2]})
-        )
+        pd.DataFrame([[c, *pose] for c in captures], columns=["capture", *POSE]).to_csv(registers[0], index=False)
+        register_jsons[0].write_text(json.dumps({"fx": FOCAL_PX, "fy": FOCAL_PX, "cx": K[0, 2], "cy": K[1, 2]}))
     found = folder / "detect/top/aruco.csv"
     found.parent.mkdir(parents=True, exist_ok=True)
     pd.DataFrame(detections, columns=COLUMNS).to_csv(found, index=False)

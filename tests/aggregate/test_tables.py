@@ -48,9 +48,7 @@ def test_marker_cut_by_the_frame_is_not_there_to_be_found(tmp_path):
     assert false_ids.empty
 
 
-@pytest.mark.parametrize(
-    ("shift_px", "counts"), [(HALF_MARKER_PX - 0.1, True), (HALF_MARKER_PX + 0.1, False)]
-)
+@pytest.mark.parametrize(("shift_px", "counts"), [(HALF_MARKER_PX - 0.1, True), (HALF_MARKER_PX + 0.1, False)])
 def test_half_marker_rule(tmp_path, shift_px, counts):
     """A right id counts within half a marker's side of the truth and is a false id beyond."""
     cells, false_ids, *_ = write_tables(tmp_path, write(tmp_path, [detection("real", "a", 1, shift_px)]))
@@ -114,6 +112,13 @@ def test_unknown_pose_makes_nothing_available(tmp_path):
     assert table1[["coverage_pct", "kappa", "flip_rate_pct"]].isna().all(axis=None)
 
 
+def test_captures_named_by_numbers_are_found(tmp_path):
+    """A capture called 007 must not become 7 on the way and lose its detections."""
+    arguments = write(tmp_path, [detection("real", "007", 0)], captures=("007", "008"))
+    cells, *_ = write_tables(tmp_path, arguments)
+    assert cells[cells.capture == "007"].real.sum() == 1
+
+
 def test_campaign_without_markers_has_empty_tables_and_a_sentence(tmp_path):
     """A chessboard has nothing to count; the columns must still be there for readers of the CSV."""
     arguments = write(tmp_path, [], the_markers=markers().iloc[:0])
@@ -152,8 +157,6 @@ def test_headlines_are_made_from_the_numbers(tmp_path):
     found = [detection("real", "a", 0), detection("real", "a", 1), detection("twin", "a", 1)]
     write_tables(tmp_path, write(tmp_path, found))
     (line,) = json.loads((tmp_path / "headlines.json").read_text())
-    assert line.startswith(
-        "top: of 6 markers in the pictures, aruco finds 33.3 % in the real images and 16.7 %"
-    )
+    assert line.startswith("top: of 6 markers in the pictures, aruco finds 33.3 % in the real images and 16.7 %")
     assert "misses 1 that the real images have and has 0" in line
     assert line.endswith("0 of 1 pairs are flips, counted apart.")
