@@ -142,6 +142,9 @@ rule build_report:
         notebooks=expand(f"{RESULTS}/notebooks/{{page}}.ipynb", page=PAGES),
         pages=expand(f"{RESULTS}/report/{{page}}.html", page=PAGES),
         provenance=f"{RESULTS}/provenance.json",
+        # Empty where nothing is diagnosed, as in an experiment without photographs.
+        diagnoses=[path for path in DIAGNOSIS if path.endswith(".json")],
+        ladder=[path for path in DIAGNOSIS if path.endswith("ladder.csv")],
         template="scripts/report_template.html.j2",
         frame="scripts/page_template.html.j2",
         code=modules("job.py", "run_notebook.py"),

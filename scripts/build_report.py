@@ -72,23 +72,51 @@ def compared(scene, markers, cameras, stations, captures):
     return lines
 
 
+def plain(name):
+    """Return an identifier as words: ``radial_distortion`` is ``radial distortion``."""
+    return name.replace("_", " ")
+
+
+def listed(names):
+    """Return ``a, b and c``."""
+    names = list(names)
+    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
+
+
+def effect_words(step):
+    """Return an effect with its parameters, such as ``radial distortion (k1 0.171 ± 0.002)``."""
+    values = []
+    for name, p in step.get("parameters", {}).items():
+        error = f" ± {p['se']:.2g}" if p.get("se") is not None else ""
+        values.append(f"{name} {p['value']:.4g}{error}")
+    return plain(step["effect"]) + (f" ({', '.join(values)})" if values else "")
+
+
 def verdict_words(diagnosis):
     """Return what a camera's diagnosis says, in words made from its numbers."""
     steps = diagnosis.get("steps", [])
-    names = [step["effect"].replace("_", " ") for step in steps]
-    listed = ", ".join(names[:-1]) + (" and " if len(names) > 1 else "") + names[-1] if names else ""
+    effects = listed(effect_words(step) for step in steps)
     if diagnosis["verdict"] == "adequate":
         words = "nothing is missing; the twin explains the images down to the floor."
     elif diagnosis["verdict"] == "explained":
-        words = f"the twin lacks {listed}; with that, the gap is the floor."
+        words = f"the twin lacks {effects}; with that, the gap is the floor."
     else:
-        found = f" Part of it is {listed}." if listed else ""
-        words = f"a gap is left that no known effect closes.{found}"
+        words = "a gap is left that no known effect closes."
+        words += f" Part of it is {effects}." if steps else ""
     if steps:
         words += f" The gap falls from {steps[0]['gap_before']:.2f} to {steps[-1]['gap_after']:.2f} floors."
-    confused = sorted({name.replace("_", " ") for step in steps for name in step.get("confused_with", [])})
+    if diagnosis["verdict"] != "adequate" and diagnosis.get("where"):
+        most = diagnosis["where"][0]
+        words += (
+            f" It shows most in {plain(most['observable'])} along {plain(most['covariate'])}, which explains "
+            f"{100 * most['share']:.0f} % of it."
+        )
+    confused = sorted({plain(name) for step in steps for name in step.get("confused_with", [])})
     if confused:
-        words += f" From these captures it cannot be told apart from {', '.join(confused)}."
+        words += f" These captures cannot tell it apart from {listed(confused)}."
+        station = diagnosis.get("suggested_station")
+        if station and station.get("height_m") is not None:
+            words += f" A station at {station['height_m']:g} m height and {station['tilt_deg']:g}° tilt could."
     return words
 
 
@@ -146,7 +174,7 @@ if __name__ == "__main__":
         headlines_file=snakemake.input.headlines,
         provenance_file=snakemake.input.provenance,
         diagnoses=snakemake.input.get("diagnoses", []),
-        ladder_file=snakemake.input.get("ladder"),
+        ladder_file=next(iter(snakemake.input.get("ladder", [])), None),
         template=snakemake.input.template,
         page=snakemake.output.page,
     )

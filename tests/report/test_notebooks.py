@@ -114,8 +114,11 @@ def test_verdict_is_put_in_words_from_its_numbers():
         {"effect": "radial_distortion", "gap_before": 6.2, "gap_after": 2.0, "confused_with": []},
         {"effect": "lens_blur", "gap_before": 2.0, "gap_after": 1.04, "confused_with": ["motion_blur"]},
     ]
-    words = verdict_words({"verdict": "explained", "steps": steps})
-    assert "radial distortion and lens blur" in words
+    steps[0]["parameters"] = {"k1": {"value": 0.1712, "se": 0.002}}
+    where = [{"observable": "corner_dx", "covariate": "image_radius", "share": 0.71}]
+    words = verdict_words({"verdict": "explained", "steps": steps, "where": where})
+    assert "radial distortion (k1 0.1712 ± 0.002) and lens blur;" in words
+    assert "corner dx along image radius, which explains 71 %" in words
     assert "from 6.20 to 1.04" in words
     assert "motion blur" in words
     assert "nothing is missing" in verdict_words({"verdict": "adequate", "steps": []})
