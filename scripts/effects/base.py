@@ -96,3 +96,13 @@ def highlight_radiance(highlight, view, x, y):
     half = half + lamp / np.linalg.norm(lamp, axis=-1, keepdims=True)
     cosine = half[..., 2] / np.linalg.norm(half, axis=-1)
     return highlight["strength"] * np.maximum(cosine, 0) ** (2 / highlight["roughness"] ** 2)
+
+
+def to_rays(xy, view):
+    """Return normalised image coordinates (n, 2), x/z and y/z, of pixels (n, 2)."""
+    return (xy - view.K[:2, 2]) / (view.K[0, 0], view.K[1, 1])
+
+
+def to_pixels(rays, view):
+    """Return pixels (n, 2) of normalised image coordinates (n, 2)."""
+    return rays * (view.K[0, 0], view.K[1, 1]) + view.K[:2, 2]

@@ -1,0 +1,16 @@
+"""The print's black has grown (or shrunk) by a constant length at all its boundaries.
+
+Source: dot gain; print growth of ISO/IEC 15416.
+"""
+
+from effects.base import Parameter
+
+STAGE, ORDER = "scene", 40
+PARAMETERS = {
+    "spread_m": Parameter("m", -0.004, 0.004, 0.0, (0.0,), 0.00004, "outward move of the boundaries of black")
+}
+
+
+def change_scene(scene, p):
+    """Note the growth; plates are drawn with it."""
+    return scene.with_(ink_spread_m=scene.ink_spread_m + p["spread_m"])

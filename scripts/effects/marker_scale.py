@@ -1,0 +1,26 @@
+"""The codes are printed larger or smaller about their centres; the plates stay.
+
+Source: printer scaling ("fit to page").
+"""
+
+from dataclasses import replace
+
+from effects.base import Parameter
+
+STAGE, ORDER = "scene", 20
+MOVES_POINTS = True
+PARAMETERS = {"scale": Parameter("1", 0.7, 1.35, 1.0, (1.0,), 0.002, "printed side of the code over the nominal one")}
+
+
+def _scaled(lines, scale):
+    out = lines.copy()
+    out[1:-1] *= scale
+    return out
+
+
+def change_scene(scene, p):
+    """Scale the grid inside the white ring of every plate."""
+    plates = tuple(
+        replace(plate, x_m=_scaled(plate.x_m, p["scale"]), y_m=_scaled(plate.y_m, p["scale"])) for plate in scene.plates
+    )
+    return scene.with_(plates=plates)

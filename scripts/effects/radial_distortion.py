@@ -1,0 +1,38 @@
+"""Radial lens distortion: magnification changes with the distance from the optical axis.
+
+x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) in normalised coordinates; k1 < 0 is barrel. Source: D. C. Brown, "Close-range
+camera calibration", Photogrammetric Engineering 37 (1971); OpenCV's sign and order. Beyond the radius at which the
+polynomial turns back it is continued by its tangent, so that points far outside the frame stay outside.
+"""
+
+import numpy as np
+
+from effects.base import Parameter, to_pixels, to_rays
+
+STAGE, ORDER = "lens", 10
+PARAMETERS = {
+    "k1": Parameter("1", -1.0, 1.0, 0.0, (0.0,), 0.003, "second-order coefficient"),
+    "k2": Parameter("1", -2.0, 2.0, 0.0, (0.0,), 0.003, "fourth-order coefficient"),
+    "k3": Parameter("1", -3.0, 3.0, 0.0, (0.0,), 0.003, "sixth-order coefficient"),
+}
+
+
+def turning_radius(p):
+    """Return the normalised radius at which r (1 + k1 r^2 + ...) stops growing; infinite where it never does."""
+    roots = np.roots([7 * p["k3"], 5 * p["k2"], 3 * p["k1"], 1.0])
+    real = roots[np.isreal(roots)].real
+    positive = real[real > 1e-9]
+    return float(np.sqrt(positive.min())) if len(positive) else np.inf
+
+
+def map_points(xy, view, p, channel):
+    """Move points along their radius."""
+    rays = to_rays(xy, view)
+    r = np.linalg.norm(rays, axis=1, keepdims=True)
+    limit = 0.98 * turning_radius(p)
+    inside = np.minimum(r, limit)
+    s = inside**2
+    bent = inside * (1 + s * (p["k1"] + s * (p["k2"] + s * p["k3"])))
+    slope = 1 + s * (3 * p["k1"] + s * (5 * p["k2"] + s * 7 * p["k3"]))
+    bent = bent + slope * (r - inside)
+    return to_pixels(rays * (bent / np.maximum(r, 1e-12)), view)

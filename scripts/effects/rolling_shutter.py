@@ -1,0 +1,34 @@
+"""Rolling shutter: rows are read one after the other while the camera moves.
+
+A turning camera shifts a row by its time, counted from the middle row: x' = x + skew_x (y - c), y' = y + skew_y (y - c).
+A sliding camera shifts near things more: a share slide_m / z of the focal length over the whole read-out, z the depth of
+the ground plane. Source: Meingast, Geyer and Sastry, "Geometric models of rolling-shutter cameras" (2005).
+"""
+
+import numpy as np
+
+from effects.base import Parameter, to_rays
+
+STAGE, ORDER = "shutter", 10
+PARAMETERS = {
+    "skew_x": Parameter("px/row", -0.3, 0.3, 0.0, (0.0,), 0.001, "shift to the right from row to row, camera turning"),
+    "skew_y": Parameter("px/row", -0.3, 0.3, 0.0, (0.0,), 0.001, "shift downwards from row to row, camera turning"),
+    "slide_m": Parameter("m", -0.2, 0.2, 0.0, (0.0,), 0.0005, "way of the scene to the right over the whole read-out"),
+}
+
+
+def map_points(xy, view, p, channel):
+    """Shift points by the time at which their row is read."""
+    t = xy[:, 1] - (view.height - 1) / 2
+    shift = np.stack([p["skew_x"] * t, p["skew_y"] * t], axis=1)
+    if p["slide_m"] != 0:
+        shift[:, 0] += view.K[0, 0] * p["slide_m"] * inverse_depth(xy, view) * t / view.height
+    return xy + shift
+
+
+def inverse_depth(xy, view):
+    """Return 1 / depth (n,) of the ground plane at pixels, 1/m; 0 above the horizon."""
+    rays = to_rays(xy, view)
+    R, t = view.T_cam_world[:3, :3], view.T_cam_world[:3, 3]
+    slope = R[0, 2] * rays[:, 0] + R[1, 2] * rays[:, 1] + R[2, 2]
+    return np.maximum(slope / (R[:, 2] @ t), 0)

@@ -1,0 +1,20 @@
+"""Sharpening: unsharp masking of the encoded image.
+
+v' = v + amount (v - blur(v)), a Gaussian of radius_px. Source: unsharp masking as in every image signal processor.
+"""
+
+import numpy as np
+
+from effects.base import Parameter
+from effects.filters import gaussian
+
+STAGE, ORDER = "processing", 40
+PARAMETERS = {
+    "amount": Parameter("1", 0.0, 5.0, 0.0, (0.5, 0.5), 0.05, "strength"),
+    "radius_px": Parameter("px", 0.4, 6.0, 1.0, (1.0, 2.0), 0.3, "standard deviation of the blurred copy"),
+}
+
+
+def apply(image, view, p, rng):
+    """Add what a blur takes away."""
+    return image + np.float32(p["amount"]) * (image - gaussian(image, p["radius_px"]))

@@ -1,0 +1,21 @@
+"""A lamp's glossy reflection lies on the plates.
+
+Adds strength (n . h)^(2 / roughness^2), h halfway between the directions to the lamp and to the camera. Source:
+J. F. Blinn, "Models of light reflection for computer synthesized pictures" (1977).
+"""
+
+from effects.base import Parameter
+
+STAGE, ORDER = "scene", 70
+PARAMETERS = {
+    "strength": Parameter("1", 0.0, 3.0, 0.0, (0.15, 0.15, 0.15), 0.01, "radiance at the highlight's centre"),
+    "x_m": Parameter("m", -3.0, 3.0, 0.0, (0.0, 0.4, -0.4), 0.05, "lamp, to the right"),
+    "y_m": Parameter("m", -3.0, 6.0, 1.0, (1.2, 2.0, 2.0), 0.05, "lamp, forward"),
+    "height_m": Parameter("m", 0.3, 6.0, 1.5, (1.5, 1.5, 1.5), 0.05, "lamp, above the ground"),
+    "roughness": Parameter("1", 0.05, 0.7, 0.2, (0.25, 0.25, 0.25), 0.02, "width of the highlight"),
+}
+
+
+def change_scene(scene, p):
+    """Set the scene's highlight."""
+    return scene.with_(highlight=dict(p))

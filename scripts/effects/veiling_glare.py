@@ -1,0 +1,16 @@
+"""Veiling glare: a share of the image's light is scattered evenly over all of it.
+
+x' = (1 - share) x + share mean(x). Source: ISO 9358, veiling glare index.
+"""
+
+from effects.base import Parameter
+
+STAGE, ORDER = "lens", 150
+PARAMETERS = {"share": Parameter("1", 0.0, 0.8, 0.0, (0.0,), 0.004, "share of the light that is scattered")}
+
+
+def apply(image, view, p, rng):
+    """Mix with the frame's mean."""
+    m = view.margin
+    frame = image[m : m + view.height, m : m + view.width]
+    return (1 - p["share"]) * image + p["share"] * frame.mean(axis=(0, 1))
