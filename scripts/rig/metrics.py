@@ -36,9 +36,7 @@ def cohen_kappa(both, only_real, only_twin, neither):
     NaN where chance alone would agree always (both sides always say the same one thing).
     Source: Cohen, Educational and Psychological Measurement 20 (1960) 37.
     """
-    both, only_real, only_twin, neither = (
-        np.asarray(a, float) for a in (both, only_real, only_twin, neither)
-    )
+    both, only_real, only_twin, neither = (np.asarray(a, float) for a in (both, only_real, only_twin, neither))
     n = both + only_real + only_twin + neither
     with np.errstate(invalid="ignore", divide="ignore"):
         observed = (both + neither) / n
