@@ -17,8 +17,8 @@ from detectors.bart.codes import (
     read_levels,
     read_word,
 )
-from detectors.bart.edges import exact_corners, identity, refine_quad, srgb_to_linear
-from detectors.bart.quads import find_quads
+from detectors.bart.edges import identity, move_sides, refine_quad, spread_of_white, srgb_to_linear
+from detectors.bart.quads import find_quads, search_boxes
 from detectors.contract import Detection, grey_image
 
 PARAMETERS = {
@@ -43,9 +43,15 @@ PARAMETERS = {
     "wrong_bits": 1,
     # Corners fitted to the edges; False leaves them as the search found them: faster, ten times less exact.
     "exact_corners": True,
-    # Light behind the grey levels: "srgb", "linear", or "auto": the mixture that makes edges symmetric.
+    # Light behind the grey levels: "srgb" or "linear", or "auto": the one of the two in which white spreads less
+    # over black within the codes of this image, then all sides moved by what is left of it. "auto" takes out tone curves and ink spread alike, so
+    # that corners are those of the design; the others keep what the print and the camera really show.
     "light": "auto",
 }
+
+LEAST_MODULE_PX = 5.0  # modules from which the spread of white is measured: smaller ones have no flat inside
+SPREAD_MARKERS = 6  # so many of the largest are enough: each tells the spread to a few thousandths of a pixel
+OTHER_LIGHT_PX = 0.15  # a spread that no sRGB image with ink on paper shows: tried again as linear light
 
 
 @njit(cache=True, nogil=True)
@@ -68,7 +74,7 @@ def read_quads(image, light, quads, size, words, owner, wrong_bits, least_contra
         module = read_levels(image, quads[k], size, levels)
         if module == 0 or frame_contrast(levels, plane, 0.6 * least_contrast) == 0:
             continue
-        worked, _ = refine_quad(image, light, quads[k], size, 2, refined)
+        worked = refine_quad(image, light, quads[k], size, 2, refined)
         if worked:
             module = read_levels(image, refined, size, levels)
         contrast = frame_contrast(levels, plane, least_contrast)
@@ -100,8 +106,8 @@ class Bart:
     def __init__(self, dictionaries, parameters):
         self.p = parameters
         self.groups = code_tables(dictionaries)
-        self.srgb, self.linear = srgb_to_linear(), identity()
-        self.share = {"linear": 0.0, "srgb": 1.0, "auto": -1.0}[parameters["light"]]
+        self.other_light = identity()
+        self.light = identity() if parameters["light"] == "linear" else srgb_to_linear()
         self.detect(np.full((64, 64), 128, np.uint8))  # compiles, or loads what was compiled
 
     def detect(self, image):
@@ -117,23 +123,40 @@ class Bart:
         if self.p["multi_scale"]:
             while grey.size >> (2 * level) > 1e6 * self.p["coarse_mpx"]:
                 level += 1
-        small = _shrunk(grey, level)
-        found, boxes = self._search_level(grey, small, 0.5**level, (0, 0))
+        pyramid = [grey]
+        for _ in range(level):
+            pyramid.append(_halved(pyramid[-1]))
+        found, boxes = self._search_whole(grey, pyramid[-1], level)
         if self.p["multi_scale"]:
-            found += self._search_finer(grey, boxes, level, found)
+            found += self._search_finer(grey, pyramid, boxes, found)
         return _best_of_each(found)
 
-    def _search_level(self, grey, small, scale, origin):
-        """Search one level; ``scale`` is its pixels per pixel of ``grey``, ``origin`` (x, y) its place there."""
+    def _search_whole(self, grey, small, level):
+        """Return (findings, boxes int32 (m, 4) in pixels of ``small``) of one level of the pyramid."""
         found, boxes = [], []
         for method in ("mean", "otsu"):
             if self.p["threshold"] in (method, "both"):
                 quads, rest = self._quads(small, method)
-                # Pixel centres: (0, 0) of a level lies amid the pixels that it is the mean of.
-                quads = (quads + 0.5) / scale - 0.5 + np.array(origin)
-                found += self._read(grey, quads)
-                boxes.append((rest + np.array([0, 0, 1, 1])) / scale + np.array([*origin, *origin]))
+                found += self._read(grey, _to_full(quads, level))
+                boxes.append(rest)
         return found, np.concatenate(boxes)
+
+    def _search_finer(self, grey, pyramid, boxes, found):
+        """Look again where a small region was not read: one level finer each time, in the end twice magnified."""
+        more = []
+        for level in range(len(pyramid) - 1, -1, -1):
+            boxes = _not_inside(boxes * 2**level, found + more)
+            quads, rest = search_boxes(
+                pyramid[max(level - 1, 0)],
+                boxes // 2 ** max(level - 1, 0),
+                level == 0,
+                self.p["window_px"] | 1,
+                np.float32(self.p["offset_dn"]),
+                self.p["contrast_dn"],
+            )
+            more += self._read(grey, _to_full(quads, max(level - 1, 0)))
+            boxes = rest
+        return more
 
     def _quads(self, small, method):
         h, w = small.shape
@@ -159,7 +182,7 @@ class Bart:
         for group in self.groups:
             corners, owner, wrong, contrast = read_quads(
                 grey,
-                self.srgb,
+                self.light,
                 quads,
                 group["size"],
                 group["words"],
@@ -181,59 +204,61 @@ class Bart:
                 )
         return found
 
-    def _search_finer(self, grey, boxes, level, found):
-        """Look again, one level finer, where a small region was not read; twice magnified at the finest."""
-        more = []
-        centres = np.array([f["corners"].mean(axis=0) for f in found]).reshape(-1, 2)
-        rows, columns = grey.shape
-        for x0, y0, x1, y1 in boxes:
-            side = max(x1 - x0, y1 - y0)
-            if side > 48 * 2**level:
-                continue
-            if len(centres):
-                inside = (centres > (x0, y0)) & (centres < (x1, y1))
-                if inside.all(axis=1).any():
-                    continue
-            pad = 4 * 2**level
-            a, b = int(max(x0 - pad, 0)), int(max(y0 - pad, 0))
-            c, d = int(min(x1 + pad + 1, columns)), int(min(y1 + pad + 1, rows))
-            crop = grey[b:d, a:c]
-            if level > 0:
-                crop, scale = _shrunk(crop, level - 1), 0.5 ** (level - 1)
-            else:
-                crop, scale = cv2.resize(crop, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC), 2.0
-            if min(crop.shape) < 8:
-                continue
-            more += self._search_level(grey, crop, scale, (a, b))[0]
-        return more
-
     def finish(self, grey, found):
-        """Return Detections with exact corners."""
-        if found and self.p["exact_corners"]:
+        """Return Detections; where the light is unknown, with its part taken out of the corners."""
+        if found and self.p["exact_corners"] and self.p["light"] == "auto":
             corners = np.stack([f["corners"] for f in found])
             sizes = np.array([f["size"] for f in found])
-            exact_corners(grey, self.linear, self.srgb, corners, sizes, self.share)
+            spread = spread_of_white(grey, self.light, corners, sizes, LEAST_MODULE_PX, SPREAD_MARKERS)
+            if abs(spread) > OTHER_LIGHT_PX:
+                again = corners.copy()
+                for k in range(len(found)):
+                    refine_quad(grey, self.other_light, corners[k], sizes[k], 2, again[k])
+                other = spread_of_white(grey, self.other_light, again, sizes, LEAST_MODULE_PX, SPREAD_MARKERS)
+                if abs(other) < abs(spread):
+                    corners, spread = again, other
             for f, c in zip(found, corners, strict=True):
+                move_sides(c, spread)
                 f["corners"] = c
         return [Detection(f["name"], f["id"], f["corners"]) for f in found]
 
 
-def _shrunk(grey, level):
-    for _ in range(level):
-        h, w = grey.shape[0] // 2, grey.shape[1] // 2
-        grey = cv2.resize(grey[: 2 * h, : 2 * w], (w, h), interpolation=cv2.INTER_AREA)
-    return grey
+def _halved(grey):
+    h, w = grey.shape[0] // 2, grey.shape[1] // 2
+    return cv2.resize(grey[: 2 * h, : 2 * w], (w, h), interpolation=cv2.INTER_AREA)
+
+
+def _to_full(points, level):
+    """Return points of a pyramid level in pixels of the image; a pixel there lies amid those that it is the mean of."""
+    return (points + 0.5) * 2**level - 0.5
+
+
+def _not_inside(boxes, found):
+    """Return the boxes (x0, y0, x1, y1) that hold no centre of a finding and lie in none."""
+    if not (found and len(boxes)):
+        return boxes
+    corners = np.stack([f["corners"] for f in found])
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    centre = 0.5 * (low + high)
+    first, last = boxes[:, None, :2], boxes[:, None, 2:]
+    holds = ((first < centre) & (last > centre)).all(axis=2)
+    lies = ((first > low) & (last < high)).all(axis=2)
+    return boxes[~(holds | lies).any(axis=1)]
 
 
 def _best_of_each(found):
     """Return the findings without second sightings of one place: fewer wrong bits first, then more contrast."""
+    found = sorted(found, key=lambda f: (f["wrong"], -f["contrast"]))
+    if len(found) < 2:
+        return found
+    corners = np.stack([f["corners"] for f in found])
+    centres = corners.mean(axis=1)
+    near = np.abs(centres[:, None] - centres[None]).max(axis=2) < 0.25 * np.ptp(corners, axis=1).max(axis=1)
     kept = []
-    for f in sorted(found, key=lambda f: (f["wrong"], -f["contrast"])):
-        centre = f["corners"].mean(axis=0)
-        near = (np.abs(centre - k["corners"].mean(axis=0)).max() < 0.25 * np.ptp(k["corners"], axis=0).max() for k in kept)
-        if not any(near):
-            kept.append(f)
-    return kept
+    for k in range(len(found)):
+        if not near[k, kept].any():
+            kept.append(k)
+    return [found[k] for k in kept]
 
 
 def make_detector(dictionaries, **parameters):

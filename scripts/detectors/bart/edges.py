@@ -9,6 +9,8 @@ enters: positions are those of pixel centres.
 import numpy as np
 from numba import njit
 
+from detectors.bart.codes import read_levels, square_to_quad
+
 
 def srgb_to_linear():
     """Return the linear light (0..255) of the 256 sRGB grey levels (IEC 61966-2-1), float32."""
@@ -40,14 +42,21 @@ def _line(t, e, use, n):
     return (se - slope * st) / s, slope, int(s)
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _margin(dy, dx, steep, heading, half):
+    """Return how far from a corner, along the scan's axis, windows stay clear of the side (dx, dy) that leaves it."""
+    t, e = (dy, dx) if steep else (dx, dy)
+    lean = heading * t / max(abs(e), 1e-3)
+    return 2.0 + (half + 1.5) * max(lean, 0.0)
+
+
 @njit(cache=True, nogil=True)
-def measure_side(image, light, p, q, thickness, line):
-    """Write the line (a, b, c), a x + b y + c = 0, of the edge near the side p to q; return (points, skew).
+def measure_side(image, light, before, p, q, after, thickness, line):
+    """Write the line (a, b, c), a x + b y + c = 0, of the edge near the side p to q; return its points.
 
     image      uint8; light (256,) its levels' light
-    p, q       ends of the side, clockwise as seen, so that the paper lies to the left
+    p, q       ends of the side, clockwise as seen, so that the paper lies to the left; before, after: next corners
     thickness  of the black frame, pixels
-    skew       mean of (edge by area - edge by half level), pixels outward: 0 where the light is right
     points     how many columns or rows carried the line; 0 where there is no edge
     """
     rows, columns = image.shape
@@ -62,16 +71,23 @@ def measure_side(image, light, p, q, thickness, line):
         sign = -1.0 if dx > 0 else 1.0
         n_t, n_e = columns, rows
     if along == 0:
-        return 0, 0.0
+        return 0
     slope = across / along
     reach = thickness * np.sqrt(1 + slope * slope)  # the frame along the scan
-    half = min(max(int(reach - 1.5), 2), 5)
-    margin = min(half + 1.5, 0.25 * abs(along))
-    first = max(int(np.ceil(min(t0, t1) + margin)), 0)
-    last = min(int(np.floor(max(t0, t1) - margin)), n_t - 1)
+    half = min(max(int(reach - 1.5), 2), int(3 * np.sqrt(1 + slope * slope) + 0.5))
+    # Near an acute corner the window would run through the neighbouring side.
+    heading = 1.0 if along > 0 else -1.0
+    start = _margin(before[1] - p[1], before[0] - p[0], steep, heading, half)
+    end = _margin(after[1] - q[1], after[0] - q[0], steep, -heading, half)
+    if start + end > 0.6 * abs(along):
+        start, end = start * 0.6 * abs(along) / (start + end), end * 0.6 * abs(along) / (start + end)
+    if heading < 0:
+        start, end = end, start
+    first = max(int(np.ceil(min(t0, t1) + start)), 0)
+    last = min(int(np.floor(max(t0, t1) - end)), n_t - 1)
     count = last - first + 1
     if count < 3:
-        return 0, 0.0
+        return 0
     t = np.empty(count)
     total = np.empty(count)
     white = np.empty(count)
@@ -92,7 +108,7 @@ def measure_side(image, light, p, q, thickness, line):
         black[n] = low if sign > 0 else high
         n += 1
     if n < 3:
-        return 0, 0.0
+        return 0
     use = np.ones(n, np.bool_)
     w0, w1, _ = _line(t, white, use, n)
     b0, b1, _ = _line(t, black, use, n)
@@ -101,7 +117,7 @@ def measure_side(image, light, p, q, thickness, line):
         x = t[k] - t[0]
         high, low = w0 + w1 * x, b0 + b1 * x
         if high - low < 1e-3:
-            return 0, 0.0
+            return 0
         # Black pixels counted from the inner end of the window.
         dark = ((2 * half + 1) * high - total[k]) / (high - low)
         edge[k] = centre[k] + sign * (dark - half - 0.5)
@@ -116,41 +132,20 @@ def measure_side(image, light, p, q, thickness, line):
             use[k] = abs(edge[k] - a0 - a1 * (t[k] - t[0])) <= limit
         b, c, m = _line(t, edge, use, n)
         if m == 0:
-            return 0, 0.0
+            return 0
         a0, a1 = b, c
-    # Where the level passes half way, by linear interpolation along the scan.
-    skew, halves = 0.0, 0
-    for k in range(n):
-        if not use[k]:
-            continue
-        x = t[k] - t[0]
-        middle = 0.5 * (w0 + w1 * x + b0 + b1 * x)
-        at = int(t[k])
-        i = centre[k] - int(sign) * half
-        previous = light[image[at, i]] if steep else light[image[i, at]]
-        for _ in range(2 * half):
-            i += int(sign)
-            value = light[image[at, i]] if steep else light[image[i, at]]
-            if previous < middle <= value:
-                crossing = i - sign * (value - middle) / (value - previous)
-                skew += sign * (edge[k] - crossing)
-                halves += 1
-                break
-            previous = value
     norm = np.sqrt(1 + a1 * a1)
-    if halves > 0:
-        skew = skew / halves / norm
     offset = a0 - a1 * t[0]
     if steep:
         line[0], line[1], line[2] = 1 / norm, -a1 / norm, -offset / norm
     else:
         line[0], line[1], line[2] = -a1 / norm, 1 / norm, -offset / norm
-    return m, skew
+    return m
 
 
 @njit(cache=True, nogil=True)
 def refine_quad(image, light, quad, size, passes, out):
-    """Write the quad (4, 2) of the measured sides to ``out``; return (whether it worked, mean skew in pixels).
+    """Write the quad (4, 2) of the measured sides to ``out``; return whether it worked.
 
     size  bits a side of the code. It fails where a side has no edge or a corner would move by more than a
     module; ``out`` is then the quad as given.
@@ -160,77 +155,164 @@ def refine_quad(image, light, quad, size, passes, out):
     current = quad.copy()
     out[:] = quad
     n = size + 2
-    skew = 0.0
     for _ in range(passes):
         area = 0.0
         for s in range(4):
             t = (s + 1) % 4
             area += 0.5 * (current[s, 0] * current[t, 1] - current[t, 0] * current[s, 1])
-        skew, points = 0.0, 0
         for s in range(4):
             p, q = current[s], current[(s + 1) % 4]
             opposite = current[(s + 2) % 4]
             after = current[(s + 3) % 4]
             length = np.sqrt((q[0] - p[0]) ** 2 + (q[1] - p[1]) ** 2)
             if length < 4:
-                return False, 0.0
+                return False
             # Distance of the opposite side, its smaller end: how thick the frame is at least.
             d1 = abs((q[0] - p[0]) * (opposite[1] - p[1]) - (q[1] - p[1]) * (opposite[0] - p[0])) / length
             d2 = abs((q[0] - p[0]) * (after[1] - p[1]) - (q[1] - p[1]) * (after[0] - p[0])) / length
-            m, bent = measure_side(image, light, p, q, min(d1, d2) / n, line)
+            m = measure_side(image, light, after, p, q, opposite, min(d1, d2) / n, line)
             if m == 0:
-                return False, 0.0
+                return False
             lines[s] = line
-            skew += bent * m
-            points += m
-        skew /= points
         for s in range(4):
             a, b = lines[(s + 3) % 4], lines[s]
             det = a[0] * b[1] - a[1] * b[0]
             if abs(det) < 0.05:
-                return False, 0.0
+                return False
             current[s, 0] = (a[1] * b[2] - b[1] * a[2]) / det
             current[s, 1] = (b[0] * a[2] - a[0] * b[2]) / det
         limit = max(2.5, np.sqrt(abs(area)) / n)
         for s in range(4):
             if abs(current[s, 0] - quad[s, 0]) > limit or abs(current[s, 1] - quad[s, 1]) > limit:
-                return False, 0.0
+                return False
     out[:] = current
-    return True, skew
+    return True
 
 
 @njit(cache=True, nogil=True)
-def exact_corners(image, light_a, light_b, quads, sizes, share_of_b):
-    """Refine quads (n, 4, 2) in place between two assumptions of the image's light; return the share of b taken.
+def move_sides(quad, outward):
+    """Move the four sides of a quad (4, 2), clockwise, outward by so many pixels, in place."""
+    lines = np.empty((4, 3))
+    for s in range(4):
+        p, q = quad[s], quad[(s + 1) % 4]
+        nx, ny = q[1] - p[1], -(q[0] - p[0])
+        norm = np.sqrt(nx * nx + ny * ny)
+        nx, ny = nx / norm, ny / norm
+        lines[s, 0], lines[s, 1], lines[s, 2] = nx, ny, -(nx * p[0] + ny * p[1]) - outward
+    for s in range(4):
+        a, b = lines[(s + 3) % 4], lines[s]
+        det = a[0] * b[1] - a[1] * b[0]
+        quad[s, 0] = (a[1] * b[2] - b[1] * a[2]) / det
+        quad[s, 1] = (b[0] * a[2] - a[0] * b[2]) / det
 
-    share_of_b  0: light a; 1: light b; negative: the share at which the edges of all markers together are
-                symmetric, as blurred edges are in linear light. Where edges are too few or too sharp to tell, b.
+
+@njit(cache=True, nogil=True)
+def white_excess(image, light, quad, size, levels):
+    """Return (by how many pixels white spreads over black at each edge of the code, length of these edges).
+
+    The light inside the code's frame is added up and compared with the area of the white bits within the measured
+    sides; an image whose levels are not the assumed light shows too much (or too little) white by the length of the
+    bits' edges times the spread, and sides that lie inward (or outward) by as much.
+    quad    (4, 2) measured sides; levels (size + 4, size + 4) grey levels of the cells (codes.read_levels)
     """
-    n = len(quads)
-    a = np.empty((n, 4, 2))
-    b = np.empty((n, 4, 2))
-    worked = np.zeros(n, np.bool_)
-    skew_a = skew_b = 0.0
-    found = 0
-    for k in range(n):
-        ok_a, sa = refine_quad(image, light_a, quads[k], sizes[k], 2, a[k])
-        ok_b, sb = refine_quad(image, light_b, quads[k], sizes[k], 2, b[k])
-        worked[k] = ok_a and ok_b
-        if worked[k]:
-            skew_a += sa
-            skew_b += sb
-            found += 1
-    share = share_of_b
-    if share < 0:
-        share = 1.0
-        if found > 0:
-            skew_a /= found
-            skew_b /= found
-            change = skew_a - skew_b
-            # Noise of a hundredth of a pixel in the skew pulls the share towards b where there is little to see.
-            share = (skew_a * change + 1e-4) / (change * change + 1e-4)
-            share = min(max(share, -0.25), 1.25)
-    for k in range(n):
-        if worked[k]:
-            quads[k] = a[k] + share * (b[k] - a[k])
-    return share
+    n = size + 2
+    h = np.empty(9)
+    inverse = np.empty(9)
+    if not square_to_quad(quad, h):
+        return 0.0, 0.0
+    inverse[0] = h[4] - h[5] * h[7]
+    inverse[1] = h[2] * h[7] - h[1]
+    inverse[2] = h[1] * h[5] - h[2] * h[4]
+    inverse[3] = h[5] * h[6] - h[3]
+    inverse[4] = h[0] - h[2] * h[6]
+    inverse[5] = h[2] * h[3] - h[0] * h[5]
+    inverse[6] = h[3] * h[7] - h[4] * h[6]
+    inverse[7] = h[1] * h[6] - h[0] * h[7]
+    inverse[8] = h[0] * h[4] - h[1] * h[3]
+    # Levels of paper and frame, each a plane over the code; the four sides' means carry it.
+    paper = np.zeros(4)
+    frame = np.zeros(4)
+    for k in range(1, n + 1):
+        paper[0] += light[int(levels[0, k] + 0.5)]
+        paper[1] += light[int(levels[k, n + 1] + 0.5)]
+        paper[2] += light[int(levels[n + 1, k] + 0.5)]
+        paper[3] += light[int(levels[k, 0] + 0.5)]
+        frame[0] += light[int(levels[1, k] + 0.5)]
+        frame[1] += light[int(levels[k, n] + 0.5)]
+        frame[2] += light[int(levels[n, k] + 0.5)]
+        frame[3] += light[int(levels[k, 1] + 0.5)]
+    paper /= n
+    frame /= n
+    p0, px, py = paper.mean(), paper[1] - paper[3], paper[2] - paper[0]
+    f0, fx, fy = frame.mean(), (frame[1] - frame[3]) * n / (n - 1), (frame[2] - frame[0]) * n / (n - 1)
+    middle = f0 + 0.5 * (p0 - f0)
+    # Corners of the cells in the image; which bits are white; their area and edges.
+    grid = np.empty((n + 1, n + 1, 2))
+    for r in range(n + 1):
+        for c in range(n + 1):
+            w = (h[6] * c + h[7] * r) / n + 1.0
+            grid[r, c, 0] = ((h[0] * c + h[1] * r) / n + h[2]) / w
+            grid[r, c, 1] = ((h[3] * c + h[4] * r) / n + h[5]) / w
+    white = np.zeros((n, n), np.bool_)
+    for r in range(1, n - 1):
+        for c in range(1, n - 1):
+            white[r, c] = light[int(levels[r + 1, c + 1] + 0.5)] > middle
+    area = edges = 0.0
+    for r in range(n - 1):
+        for c in range(n - 1):
+            if white[r, c] != white[r, c + 1]:
+                d = grid[r + 1, c + 1] - grid[r, c + 1]
+                edges += np.sqrt(d[0] * d[0] + d[1] * d[1])
+            if white[r, c] != white[r + 1, c]:
+                d = grid[r + 1, c + 1] - grid[r + 1, c]
+                edges += np.sqrt(d[0] * d[0] + d[1] * d[1])
+            if white[r, c]:
+                a = grid[r + 1, c + 1] - grid[r, c]
+                b = grid[r + 1, c] - grid[r, c + 1]
+                area += 0.5 * (a[0] * b[1] - a[1] * b[0])
+    # The light within half a module inside the frame's outer edge: its rim is black, so pixels there need no share.
+    y0, y1 = max(int(quad[:, 1].min()), 0), min(int(quad[:, 1].max()) + 1, image.shape[0] - 1)
+    x0, x1 = max(int(quad[:, 0].min()), 0), min(int(quad[:, 0].max()) + 1, image.shape[1] - 1)
+    rim = 0.5 / n
+    total = 0.0
+    for y in range(y0, y1 + 1):
+        for x in range(x0, x1 + 1):
+            w = inverse[6] * x + inverse[7] * y + inverse[8]
+            u = (inverse[0] * x + inverse[1] * y + inverse[2]) / w
+            v = (inverse[3] * x + inverse[4] * y + inverse[5]) / w
+            if rim < u < 1 - rim and rim < v < 1 - rim:
+                low = f0 + fx * (u - 0.5) + fy * (v - 0.5)
+                high = p0 + px * (u - 0.5) + py * (v - 0.5)
+                total += (light[image[y, x]] - low) / (high - low)
+    around = whole = 0.0
+    for s in range(4):
+        p, q = quad[s], quad[(s + 1) % 4]
+        around += np.sqrt((q[0] - p[0]) ** 2 + (q[1] - p[1]) ** 2)
+        whole += 0.5 * (p[0] * q[1] - q[0] * p[1])
+    return (total - area) / (edges + around * area / whole), edges
+
+
+@njit(cache=True, nogil=True)
+def spread_of_white(image, light, quads, sizes, least_module, most):
+    """Return by how many pixels white spreads over black in this image, from the ``most`` largest quads (n, 4, 2).
+
+    0 where no module has ``least_module`` pixels.
+    """
+    modules = np.empty(len(quads))
+    for k in range(len(quads)):
+        square = 0.0
+        for s in range(4):
+            t = (s + 1) % 4
+            square += 0.5 * (quads[k, s, 0] * quads[k, t, 1] - quads[k, t, 0] * quads[k, s, 1])
+        modules[k] = np.sqrt(abs(square)) / (sizes[k] + 2)
+    total = weight = 0.0
+    for k in np.argsort(-modules)[:most]:
+        levels = np.empty((sizes[k] + 4, sizes[k] + 4))
+        module = read_levels(image, quads[k], sizes[k], levels)
+        if module < least_module or np.isnan(levels).any():
+            continue
+        spread, edges = white_excess(image, light, quads[k], sizes[k], levels)
+        # Blur reaches into the levels of small cells and biases the spread by about 1 / module squared.
+        total += edges * module**2 * spread
+        weight += edges * module**2
+    return total / weight if weight > 0 else 0.0

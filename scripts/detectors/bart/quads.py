@@ -6,11 +6,15 @@ Compiled with numba; nothing here knows of codes. Pixel coordinates are those of
 import numpy as np
 from numba import njit
 
-ALL_WHITE = np.uint64(0)
-
 # Moore neighbourhood, clockwise from the right (y down).
 STEP_Y = np.array([0, 1, 1, 1, 0, -1, -1, -1], np.int64)
 STEP_X = np.array([1, 1, 0, -1, -1, -1, 0, 1], np.int64)
+
+RETRY_PX = 32  # longer side of the largest region that a finer look may help: larger ones lack no pixels
+SHAPELESS_PX = 14  # below it a marker's shape may be lost; above it, what is no quadrilateral is no marker
+
+# Cubic interpolation (Keys 1981, a = -0.75 as in OpenCV) half way between the pixels of a doubled image.
+CUBIC = np.array([-0.10546875, 0.87890625, 0.26171875, -0.03515625])
 
 
 @njit(cache=True, nogil=True)
@@ -287,7 +291,103 @@ def find_quads(binary, words, smallest, largest):
         if fit == 2:
             quads[n_quads] = quad
             n_quads += 1
-        if fit > 0 or max(w, h) < 24:
+        if max(w, h) <= RETRY_PX and (fit > 0 or max(w, h) < SHAPELESS_PX):
             boxes[n_boxes, 0], boxes[n_boxes, 1], boxes[n_boxes, 2], boxes[n_boxes, 3] = x0, y0, x1, y1
             n_boxes += 1
     return quads[:n_quads], boxes[:n_boxes]
+
+
+@njit(cache=True, nogil=True)
+def _doubled(image, x0, y0, x1, y1):
+    """Return the crop at twice the size, float32; its first pixel's centre is a quarter pixel before the crop's."""
+    h, w = y1 - y0, x1 - x0
+    c0, c1, c2, c3 = CUBIC
+    row = np.empty(w + 4, np.float32)
+    wide = np.empty((h + 4, 2 * w), np.float32)
+    for y in range(h + 4):
+        at = min(max(y0 + y - 2, 0), image.shape[0] - 1)
+        for x in range(w + 4):
+            row[x] = image[at, min(max(x0 + x - 2, 0), image.shape[1] - 1)]
+        for x in range(w):
+            wide[y, 2 * x] = c3 * row[x] + c2 * row[x + 1] + c1 * row[x + 2] + c0 * row[x + 3]
+            wide[y, 2 * x + 1] = c0 * row[x + 1] + c1 * row[x + 2] + c2 * row[x + 3] + c3 * row[x + 4]
+    out = np.empty((2 * h, 2 * w), np.float32)
+    for y in range(h):
+        a, b, c, d, e = wide[y], wide[y + 1], wide[y + 2], wide[y + 3], wide[y + 4]
+        up, down = out[2 * y], out[2 * y + 1]
+        for x in range(2 * w):
+            up[x] = c3 * a[x] + c2 * b[x] + c1 * c[x] + c0 * d[x]
+            down[x] = c0 * b[x] + c1 * c[x] + c2 * d[x] + c3 * e[x]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _binarised(crop, window, offset):
+    """Return the padded binary image: dark is ``offset`` below the mean of the window; the edge is repeated outside."""
+    h, w = crop.shape
+    r = window // 2
+    column = np.zeros(w + 2 * r + 1, np.float32)  # running sum along x of the sums along y
+    below = np.zeros(w, np.float32)
+    out = np.zeros((h + 2, (w + 2 + 7) // 8 * 8), np.uint8)
+    for y in range(-r, r):
+        below += crop[min(max(y, 0), h - 1)]
+    count = np.float32(window * window)
+    for y in range(h):
+        below += crop[min(y + r, h - 1)]
+        total = np.float32(0)
+        for x in range(w + 2 * r):
+            total += below[min(max(x - r, 0), w - 1)]
+            column[x + 1] = total
+        row, to = crop[y], out[y + 1]
+        for x in range(w):
+            to[x + 1] = (row[x] + offset) * count < column[x + window] - column[x]
+        below -= crop[max(y - r, 0)]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def search_boxes(image, boxes, doubled, window, offset, least_contrast):
+    """Return what find_quads returns, for crops round boxes (m, 4) of ``image``: quads and smaller regions, its pixels.
+
+    doubled  whether to magnify the crops twice
+    """
+    quads = np.empty((64, 4, 2))
+    rest = np.empty((64, 4), np.int32)
+    n_quads = n_rest = 0
+    for k in range(len(boxes)):
+        x0, y0 = max(boxes[k, 0] - 4, 0), max(boxes[k, 1] - 4, 0)
+        x1, y1 = min(boxes[k, 2] + 5, image.shape[1]), min(boxes[k, 3] + 5, image.shape[0])
+        crop = image[y0:y1, x0:x1]
+        if crop.shape[0] < 6 or crop.shape[1] < 6:
+            continue
+        low, high = 255, 0
+        for y in range(crop.shape[0]):
+            for x in range(crop.shape[1]):
+                low, high = min(low, crop[y, x]), max(high, crop[y, x])
+        if high - low < least_contrast:
+            continue
+        large = _doubled(image, x0, y0, x1, y1) if doubled else crop.astype(np.float32)
+        binary = _binarised(large, window, offset)
+        found, small = find_quads(binary, binary.view(np.uint64), 6, 1 << 20)
+        scale = 0.5 if doubled else 1.0
+        for j in range(len(found)):
+            if n_quads == len(quads):
+                grown = np.empty((2 * n_quads, 4, 2))
+                grown[:n_quads] = quads
+                quads = grown
+            for c in range(4):
+                # Minus the padding; a pixel's centre in the crop, then in the image.
+                quads[n_quads, c, 0] = (found[j, c, 0] - 0.5) * scale - 0.5 + x0
+                quads[n_quads, c, 1] = (found[j, c, 1] - 0.5) * scale - 0.5 + y0
+            n_quads += 1
+        for j in range(len(small)):
+            if n_rest == len(rest):
+                more = np.empty((2 * n_rest, 4), np.int32)
+                more[:n_rest] = rest
+                rest = more
+            rest[n_rest, 0] = int((small[j, 0] - 1) * scale) + x0
+            rest[n_rest, 1] = int((small[j, 1] - 1) * scale) + y0
+            rest[n_rest, 2] = int(small[j, 2] * scale) + x0
+            rest[n_rest, 3] = int(small[j, 3] * scale) + y0
+            n_rest += 1
+    return quads[:n_quads], rest[:n_rest]
