@@ -19,12 +19,12 @@ include: "rules/common.smk"
 
 
 rule all:
+    default_target: True
     input:
         f"{RESULTS}/report/index.html",
         f"{RESULTS}/tables/table1.csv",
         f"{RESULTS}/tables/table2.csv",
         DIAGNOSIS,
-    default_target: True
     message:
         f"The report is {RESULTS}/report/index.html"
 
@@ -37,12 +37,17 @@ rule diagnose:
 
 
 # In the order in which they run.
-include: "rules/data.smk"
-include: "rules/expand.smk"
-include: "rules/register.smk"
-include: "rules/render.smk"
-include: "rules/expose.smk"
-include: "rules/detect.smk"
-include: "rules/aggregate.smk"
-include: "rules/diagnose.smk"
-include: "rules/report.smk"
+for stage in (
+    "data",
+    "expand",
+    "register",
+    "render",
+    "expose",
+    "detect",
+    "aggregate",
+    "diagnose",
+    "report",
+):
+    if Path(f"rules/{stage}.smk").is_file():
+
+        include: f"rules/{stage}.smk"

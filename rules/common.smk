@@ -3,7 +3,6 @@
 Needs: the configuration. Makes: nothing. A wrong configuration or campaign ends here with one message, before any job.
 """
 
-import importlib.metadata
 import re
 import sys
 from pathlib import Path
@@ -11,12 +10,10 @@ from pathlib import Path
 sys.path.insert(0, "scripts")
 
 from detectors import contract
-from effects import pipeline
 from rig.campaign import load_campaign
-from rig.config import check_config
+from rig.config import check_choice, check_config
 from rig.errors import InputError
 from rig.experiment import load_experiment
-from rig.twins import load_twin
 from snakemake.exceptions import WorkflowError
 
 LOCK = "envs/twingap.lock.txt"
@@ -25,22 +22,39 @@ LOCK = "envs/twingap.lock.txt"
 def checked():
     """Return (configuration, campaign or designed experiment); one message where either is wrong."""
     try:
-        values = {k: v for k, v in config.items()}
+        values = dict(config)
         if values.get("experiment") and "campaign" not in explicit_keys():
             values["campaign"] = None
-        done = check_config(
-            values, contract.available(), sorted(pipeline.available_effects())
-        )
-        for name, parameters in done["detectors"].items():
-            contract.check_parameters(name, parameters)
+        done = check_config(values)
+        check_names(done)
         source = (
             load_campaign(done["campaign"])
             if done["campaign"]
             else load_experiment(done["experiment"])
         )
-    except (InputError, ValueError) as error:
+    except InputError as error:
         raise WorkflowError(str(error)) from None
     return done, source
+
+
+def check_names(done):
+    """Refuse detectors, their parameters and effects that do not exist."""
+    check_choice("detectors", done["detectors"], contract.available())
+    for name, parameters in done["detectors"].items():
+        contract.check_parameters(name, parameters, f"configuration: detectors.{name}")
+    if done["diagnose"]["candidates"]:
+        check_choice(
+            "diagnose.candidates",
+            done["diagnose"]["candidates"],
+            sorted(available_effects()),
+        )
+
+
+def available_effects():
+    """Return {name: module} of all effects. Imported only here: it costs a second that most starts can spare."""
+    from effects import pipeline
+
+    return pipeline.available_effects()
 
 
 def explicit_keys():
@@ -55,7 +69,9 @@ def locked(*packages):
 
 def read_lock(path):
     """Return {package: version} of a requirements file."""
-    return dict(re.findall(r"^([A-Za-z0-9._-]+)==([^ \\\n]+)", Path(path).read_text(), re.M))
+    return dict(
+        re.findall(r"^([A-Za-z0-9._-]+)==([^ \\\n]+)", Path(path).read_text(), re.M)
+    )
 
 
 def modules(*paths):
@@ -66,11 +82,19 @@ def modules(*paths):
 def campaign_files():
     """Return the campaign's description and tables, or the experiment's files."""
     if CAMPAIGN is None:
-        return [config["experiment"], *map(str, sorted(Path("config").glob("*s/*.yaml")))]
+        return [
+            config["experiment"],
+            *map(str, sorted(Path("config").glob("*s/*.yaml"))),
+        ]
     names = ["campaign.yaml", SOURCE.file.captures]
     if SOURCE.file.markers:
         names.append(SOURCE.file.markers)
     return [f"{CAMPAIGN}/{name}" for name in names]
+
+
+def campaign_folder(wildcards):
+    """Return the campaign's folder, None for a designed experiment."""
+    return CAMPAIGN
 
 
 def captures_of(wildcards):
@@ -99,10 +123,12 @@ def twin_of(wildcards):
 def twin_effects(camera, *stages):
     """Return [[effect, parameters], ...] of a camera's twin, of some stages (all where none is named)."""
     try:
+        from rig.twins import load_twin
+
         effects = load_twin(f"config/twins/{NAME}/{camera}.yaml").effects
+        found = available_effects()
     except InputError as error:
         raise WorkflowError(str(error)) from None
-    found = pipeline.available_effects()
     return [[n, p] for n, p in effects if not stages or found[n].STAGE in stages]
 
 
@@ -113,8 +139,10 @@ def twin_files():
 
 
 def detector_code(wildcards):
-    """Return the files of one detector."""
-    return contract.files_of(wildcards.detector)
+    """Return the files of one detector: a module, or all of a package."""
+    path = Path(f"scripts/detectors/{wildcards.detector}")
+    single = path.with_suffix(".py")
+    return [str(single)] if single.is_file() else sorted(map(str, path.rglob("*.py")))
 
 
 def detector_parameters(wildcards):
@@ -125,15 +153,14 @@ def detector_parameters(wildcards):
 LOCKED = read_lock(LOCK)
 checked_config, SOURCE = checked()
 config.update(checked_config)
-CAMPAIGN = config["campaign"].rstrip("/") if config["campaign"] else None
+CAMPAIGN = str(Path(config["campaign"])) if config["campaign"] else None
 NAME = SOURCE.file.name
 RESULTS = f"results/{NAME}"
-CAMERAS = sorted(
-    set(SOURCE.captures.camera) if CAMPAIGN else SOURCE.file.cameras
-)
+CAMERAS = sorted(set(SOURCE.captures.camera) if CAMPAIGN else SOURCE.file.cameras)
 DETECTORS = sorted(config["detectors"])
 DIAGNOSIS = (
-    expand(f"{RESULTS}/diagnosis/{{camera}}.json", camera=CAMERAS) + [f"{RESULTS}/tables/ladder.csv"]
+    expand(f"{RESULTS}/diagnosis/{{camera}}.json", camera=CAMERAS)
+    + [f"{RESULTS}/tables/ladder.csv"]
     if CAMPAIGN
     else []
 )

@@ -27,7 +27,7 @@ rule expand_tables:
     conda:
         "../envs/twingap.yaml"
     params:
-        campaign=CAMPAIGN,
+        campaign=campaign_folder,
         experiment=config["experiment"],
     message:
         "Laying out markers, cameras, stations and captures"

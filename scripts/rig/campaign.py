@@ -164,7 +164,9 @@ def read_rows(path, required, optional=()):
                     raise InputError(f"{path}, row 1: column {name!r} is missing")
             for name in header:
                 if name not in (*required, *optional):
-                    raise InputError(f"{path}, row 1: unknown column {name!r}; known: {', '.join((*required, *optional))}")
+                    raise InputError(
+                        f"{path}, row 1: unknown column {name!r}; known: {', '.join((*required, *optional))}"
+                    )
                 if header.count(name) > 1:
                     raise InputError(f"{path}, row 1: column {name!r} stands twice")
             rows = []
@@ -219,7 +221,9 @@ def read_markers(path):
             )
         key = dictionary, values["id"]
         if key in seen:
-            raise InputError(f"{path}, row {row['row']}, column id: {dictionary} {key[1]} stands in row {seen[key]} too")
+            raise InputError(
+                f"{path}, row {row['row']}, column id: {dictionary} {key[1]} stands in row {seen[key]} too"
+            )
         seen[key] = row["row"]
         made.append(values)
     if not made:
@@ -240,7 +244,9 @@ def read_captures(path, folder, cameras):
         if name in names:
             raise InputError(f"{where}, column capture: {name!r} stands in row {names[name]} too")
         if camera not in cameras:
-            raise InputError(f"{where}, column camera: {camera!r} is not in campaign.yaml, which has {', '.join(cameras)}")
+            raise InputError(
+                f"{where}, column camera: {camera!r} is not in campaign.yaml, which has {', '.join(cameras)}"
+            )
         inside(folder, image, f"{where}, column image")
         if image in images:
             raise InputError(f"{where}, column image: {image!r} stands in row {images[image]} too")

@@ -18,7 +18,7 @@ class Render(Strict):
 
     device: Literal["cpu", "gpu"] = Field("cpu", description="gpu is used where Blender finds one, else the CPU")
     edge_samples: int = Field(
-        512, ge=16, le=16384, description="samples in pixels that an edge crosses; fewer are faster and noisier"
+        256, ge=16, le=16384, description="samples in pixels that an edge crosses; fewer are faster and noisier"
     )
     overscan: float = Field(
         0.12, ge=0, le=1, description="margin on each side, share of the longer side; a strongly bent lens needs more"
@@ -58,26 +58,20 @@ class Config(Strict):
     diagnose: Diagnose = Field(default_factory=Diagnose, description="how the missing effect is searched")
 
 
-def check_config(data, detectors, effects):
-    """Return the configuration (dict) with defaults filled in.
-
-    detectors, effects: names that exist. Raises InputError naming key, value and what is allowed.
-    """
+def check_config(data):
+    """Return the configuration (dict) with defaults filled in; raises InputError naming key, value, what is allowed."""
     try:
         config = Config.model_validate(data)
     except ValidationError as error:
         raise InputError(validation_message("configuration", error)) from None
     if (config.campaign is None) == (config.experiment is None):
         raise InputError("configuration: give either campaign or experiment (the other null)")
-    for name in config.detectors:
-        if name not in detectors:
-            raise InputError(f"configuration: detectors: {name!r} does not exist; there are {', '.join(detectors)}")
-    if config.aggregate.reference_detector not in config.detectors:
-        raise InputError(
-            f"configuration: aggregate.reference_detector is {config.aggregate.reference_detector!r}, "
-            f"which is not among detectors: {', '.join(config.detectors)}"
-        )
-    for name in config.diagnose.candidates:
-        if name not in effects:
-            raise InputError(f"configuration: diagnose.candidates: {name!r} does not exist; there are {', '.join(effects)}")
+    check_choice("aggregate.reference_detector", [config.aggregate.reference_detector], config.detectors)
     return config.model_dump()
+
+
+def check_choice(key, chosen, allowed):
+    """Raise InputError for the first chosen name that is not allowed."""
+    for name in chosen:
+        if name not in allowed:
+            raise InputError(f"configuration: {key}: {name!r} does not exist; allowed are {', '.join(allowed)}")

@@ -125,9 +125,7 @@ class Board(Strict):
                 z = self.centre_z_m + ((self.rows - 1) / 2 - j) * self.pitch_m
                 marker = self.first_id + j * self.columns + i
                 # turned a quarter about x: the plate's y is up, its z looks towards -y
-                made.append(
-                    [self.dictionary, marker, self.code_m, self.plate_m, x, 0.0, z, math.pi / 2, 0.0, 0.0]
-                )
+                made.append([self.dictionary, marker, self.code_m, self.plate_m, x, 0.0, z, math.pi / 2, 0.0, 0.0])
         return made
 
 
@@ -197,7 +195,9 @@ def load_experiment(path):
     markers = pd.DataFrame(rows, columns=["dictionary", "id", "code_m", "plate_m", "x", "y", "z", "rx", "ry", "rz"])
     doubled = markers[markers.duplicated(["dictionary", "id"])]
     if len(doubled):
-        raise InputError(f"{config / 'rigs' / experiment.rig}: {doubled.iloc[0].dictionary} {doubled.iloc[0].id} stands twice")
+        raise InputError(
+            f"{config / 'rigs' / experiment.rig}: {doubled.iloc[0].dictionary} {doubled.iloc[0].id} stands twice"
+        )
     facts = _Facts(experiment.name, cameras, experiment.reflectance, experiment.noise_dn)
     return DesignedCampaign(facts, markers, _stations(experiment))
 

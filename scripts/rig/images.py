@@ -108,7 +108,9 @@ def read_image(path, size=None):
     if bits not in (1, 2, 4, 8, 16):
         raise InputError(f"{path}: {bits} bits a channel; 8 or 16 are read")
     check_complete(path)
-    image = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+    image = cv2.imdecode(
+        np.fromfile(path, np.uint8), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+    )
     if image is None or image.dtype not in (np.uint8, np.uint16):
         raise InputError(f"{path}: the image can't be decoded")
     return image

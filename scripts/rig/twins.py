@@ -1,0 +1,92 @@
+"""The twin of a camera: the effects that were adopted, config/twins/<campaign>/<camera>.yaml, made for people to edit."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from effects import pipeline
+from rig.errors import InputError
+from rig.safe_yaml import load_yaml
+
+FIT = "fit"
+KNOWN_KEYS = ("extends", "effects")
+KNOWN_ENTRY = ("effect", "parameters", "origin")
+
+
+@dataclass(frozen=True)
+class Twin:
+    """effects: [(name, {parameter: value})] in physical order; free: [(effect, parameter)] that were written as ``fit``."""
+
+    effects: list
+    free: list
+
+
+def load_twin(path):
+    """Return the Twin in a file; the ideal twin where there is none. Raises InputError naming file, effect and value."""
+    path = Path(path)
+    if not path.is_file():
+        return Twin([], [])
+    entries = _entries(path, ())
+    effects, free = [], []
+    for where, entry in entries:
+        name, parameters, fitted = _effect(where, entry)
+        effects.append((name, parameters))
+        free += [(name, key) for key in fitted]
+    return Twin(pipeline.in_order(effects), free)
+
+
+def _entries(path, visited):
+    """Return [(where, entry)] of a file and of the twin it extends; an effect named again replaces the inherited one."""
+    path = path.resolve()
+    if path in visited:
+        raise InputError(f"{path}: extends: goes round in a circle")
+    data = load_yaml(path)
+    for key in data:
+        if key not in KNOWN_KEYS:
+            raise InputError(f"{path}: unknown key {key!r}; known: {', '.join(KNOWN_KEYS)}")
+    own = data.get("effects") or []
+    if not isinstance(own, list) or not all(isinstance(e, dict) for e in own):
+        raise InputError(f"{path}: effects: a list of entries with effect and parameters is needed")
+    names = [e.get("effect") for e in own]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"{path}: effects: {name!r} stands twice")
+    inherited = []
+    if data.get("extends") is not None:
+        base = path.parent / str(data["extends"])
+        if not base.is_file():
+            raise InputError(f"{path}: extends: {data['extends']!r}: no such file (it is relative to this file's folder)")
+        inherited = [(w, e) for w, e in _entries(base, (*visited, path)) if e.get("effect") not in names]
+    return inherited + [(f"{path}: effects, entry {k + 1}", e) for k, e in enumerate(own)]
+
+
+def _effect(where, entry):
+    for key in entry:
+        if key not in KNOWN_ENTRY:
+            raise InputError(f"{where}: unknown key {key!r}; known: {', '.join(KNOWN_ENTRY)}")
+    name, given = entry.get("effect"), entry.get("parameters") or {}
+    found = pipeline.available_effects()
+    if name not in found:
+        raise InputError(f"{where}: unknown effect {name!r}; there are {', '.join(found)}")
+    if not isinstance(given, dict):
+        raise InputError(f"{where}: parameters: names and values are needed")
+    known = found[name].PARAMETERS
+    for key in given:
+        if key not in known:
+            raise InputError(
+                f"{where}: {name} has no parameter {key!r}; it has {', '.join(known)} (units are part of the names)"
+            )
+    values, fitted = {}, []
+    for key, p in known.items():
+        value = given.get(key, p.null)
+        if isinstance(value, dict):
+            value = value.get("value")
+        if value == FIT:
+            fitted.append(key)
+            value = p.starts[0]
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise InputError(f"{where}: {name}.{key} is {value!r}; a number in {p.unit} or `{FIT}` is needed")
+        if not p.lower <= value <= p.upper:
+            raise InputError(f"{where}: {name}.{key} is {value:g} {p.unit}; allowed are {p.lower:g} to {p.upper:g}")
+        values[key] = float(value)
+    return name, values, fitted
