@@ -10,9 +10,11 @@ from numba import njit
 
 from detectors.bart.codes import (
     NO_CODE,
+    cell_size,
     code_tables,
     frame_contrast,
     frame_errors,
+    match_blurred,
     match_word,
     read_levels,
     read_word,
@@ -49,15 +51,33 @@ PARAMETERS = {
     "light": "auto",
 }
 
+SMALL_MODULE_PX = 4.0  # below it a marker's cells mix, and codes are compared as they look when blurred
+WEAK_SHARE = 0.125  # of the pairs of paper and frame that may lack contrast: an occlusion, a shadow
+WEAK_SHARE_SMALL = 0.25  # the same for small markers, whose looks are compared as a whole anyway
+LARGEST_MISFIT = 0.13  # contrasts, RMS over all cells: more, and no code explains what is seen
+LEAST_LEAD = 1.35  # misfit of the next code over that of the best: less, and either may be meant
 LEAST_MODULE_PX = 5.0  # modules from which the spread of white is measured: smaller ones have no flat inside
 SPREAD_MARKERS = 6  # so many of the largest are enough: each tells the spread to a few thousandths of a pixel
 OTHER_LIGHT_PX = 0.15  # a spread that no sRGB image with ink on paper shows: tried again as linear light
 
 
 @njit(cache=True, nogil=True)
-def read_quads(image, light, quads, size, words, owner, wrong_bits, least_contrast, most_wrong):
+def read_blurred(image, light, quad, size, words, owner, levels, plane, margins):
+    """Return (entry or NO_CODE, misfit, lead) of the code of a small marker, see codes.match_blurred."""
+    read_levels(image, light, quad, size, levels)
+    contrast = frame_contrast(levels, plane, 1e-3, WEAK_SHARE_SMALL)
+    if contrast == 0:
+        return NO_CODE, 1e9, 0.0
+    word = read_word(levels, plane, contrast, 0.25, margins)
+    across, down = cell_size(quad, size + 2)
+    return match_blurred(levels, across, down, word, words, owner, 5)
+
+
+@njit(cache=True, nogil=True)
+def read_quads(image, grey, light, quads, size, words, owner, wrong_bits, least_contrast, most_wrong):
     """Return (corners float64 (m, 4, 2), owner int32 (m, 3), distance int32 (m,), contrast (m,)) of readable quads.
 
+    grey, light  (256,) tables: the grey levels as they are, and the light behind them
     quads  float64 (n, 4, 2), pixels of ``image``; corners come in the marker's own order.
     """
     n = len(quads)
@@ -71,23 +91,29 @@ def read_quads(image, light, quads, size, words, owner, wrong_bits, least_contra
     refined = np.empty((4, 2))
     m = 0
     for k in range(n):
-        module = read_levels(image, quads[k], size, levels)
-        if module == 0 or frame_contrast(levels, plane, 0.6 * least_contrast) == 0:
+        module = read_levels(image, grey, quads[k], size, levels)
+        weak = WEAK_SHARE if module > SMALL_MODULE_PX else WEAK_SHARE_SMALL
+        if module == 0 or frame_contrast(levels, plane, 0.6 * least_contrast, weak) == 0:
             continue
         worked = refine_quad(image, light, quads[k], size, 2, refined)
-        if worked:
-            module = read_levels(image, refined, size, levels)
-        contrast = frame_contrast(levels, plane, least_contrast)
-        if contrast == 0 or frame_errors(levels, plane) > 1:
-            continue
-        entry, wrong = NO_CODE, 65
-        for trial in range(3):
-            if trial > 0 and module > 6:
-                break
-            word = read_word(levels, plane, contrast, 0.25 * trial, margins)
-            entry, wrong = match_word(word, margins, words, owner, wrong_bits, most_wrong if trial == 0 else 0, 0.6)
-            if entry != NO_CODE:
-                break
+        entry, wrong = NO_CODE, 0
+        if module > SMALL_MODULE_PX:
+            read_levels(image, grey, refined, size, levels)
+            contrast = frame_contrast(levels, plane, least_contrast, weak)
+            if contrast > 0 and frame_errors(levels, plane) <= 1:
+                word = read_word(levels, plane, contrast, 0.0, margins)
+                entry, wrong = match_word(word, margins, words, owner, wrong_bits, most_wrong, 0.6)
+        else:
+            contrast = frame_contrast(levels, plane, least_contrast, weak)
+            entry, misfit, lead = read_blurred(image, light, quads[k], size, words, owner, levels, plane, margins)
+            if worked:
+                other = read_blurred(image, light, refined, size, words, owner, levels, plane, margins)
+                if other[1] < misfit:
+                    entry, misfit, lead = other
+                else:
+                    refined[:] = quads[k]
+            if contrast == 0 or misfit > LARGEST_MISFIT or lead < LEAST_LEAD:
+                entry = NO_CODE
         if entry == NO_CODE:
             continue
         turn = owner[entry, 2]
@@ -106,7 +132,7 @@ class Bart:
     def __init__(self, dictionaries, parameters):
         self.p = parameters
         self.groups = code_tables(dictionaries)
-        self.other_light = identity()
+        self.grey = self.other_light = identity()
         self.light = identity() if parameters["light"] == "linear" else srgb_to_linear()
         self.detect(np.full((64, 64), 128, np.uint8))  # compiles, or loads what was compiled
 
@@ -182,6 +208,7 @@ class Bart:
         for group in self.groups:
             corners, owner, wrong, contrast = read_quads(
                 grey,
+                self.grey,
                 self.light,
                 quads,
                 group["size"],

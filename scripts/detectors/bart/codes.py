@@ -3,6 +3,8 @@
 Compiled with numba. A code of n x n bits is one uint64, row by row, the most significant first.
 """
 
+import math
+
 import cv2
 import numpy as np
 from numba import njit
@@ -87,19 +89,19 @@ def square_to_quad(quad, h):
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _bilinear(image, x, y):
-    """Return the interpolated grey level; NaN outside the image."""
+def _bilinear(image, light, x, y):
+    """Return the interpolated light; NaN outside the image."""
     ix, iy = int(np.floor(x)), int(np.floor(y))
     if ix < 0 or iy < 0 or ix + 1 >= image.shape[1] or iy + 1 >= image.shape[0]:
         return np.nan
     fx, fy = x - ix, y - iy
-    top = image[iy, ix] * (1 - fx) + image[iy, ix + 1] * fx
-    bottom = image[iy + 1, ix] * (1 - fx) + image[iy + 1, ix + 1] * fx
+    top = light[image[iy, ix]] * (1 - fx) + light[image[iy, ix + 1]] * fx
+    bottom = light[image[iy + 1, ix]] * (1 - fx) + light[image[iy + 1, ix + 1]] * fx
     return top * (1 - fy) + bottom * fy
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _cell(image, h, u, v, spread, points):
+def _cell(image, light, h, u, v, spread, points):
     """Return the mean of points x points samples around (u, v) of the unit square, ``spread`` apart."""
     total = 0.0
     for i in range(points):
@@ -107,27 +109,36 @@ def _cell(image, h, u, v, spread, points):
             a = u + (i - 0.5 * (points - 1)) * spread
             b = v + (j - 0.5 * (points - 1)) * spread
             w = h[6] * a + h[7] * b + 1.0
-            total += _bilinear(image, (h[0] * a + h[1] * b + h[2]) / w, (h[3] * a + h[4] * b + h[5]) / w)
+            total += _bilinear(image, light, (h[0] * a + h[1] * b + h[2]) / w, (h[3] * a + h[4] * b + h[5]) / w)
     return total / (points * points)
 
 
 @njit(cache=True, nogil=True)
-def read_levels(image, quad, size, levels):
-    """Write the grey levels of the code's cells and of the paper round it, (size + 4, size + 4).
+def cell_size(quad, n):
+    """Return the thickness in pixels of the columns and of the rows of n x n cells within the quad."""
+    area = 0.0
+    length = np.empty(4)
+    for s in range(4):
+        t = (s + 1) % 4
+        area += 0.5 * (quad[s, 0] * quad[t, 1] - quad[t, 0] * quad[s, 1])
+        length[s] = np.sqrt((quad[t, 0] - quad[s, 0]) ** 2 + (quad[t, 1] - quad[s, 1]) ** 2)
+    area = abs(area)
+    return area / max(length[1], length[3], 1e-9) / n, area / max(length[0], length[2], 1e-9) / n
 
-    The outermost ring lies a third of a module outside the black frame. Returns the cell's side in pixels, 0 for a
-    degenerate quad. Levels outside the image are NaN.
+
+@njit(cache=True, nogil=True)
+def read_levels(image, light, quad, size, levels):
+    """Write the light of the code's cells and of the paper round it, (size + 4, size + 4).
+
+    light (256,) is what each grey level stands for. The outermost ring lies a third of a module outside the black frame. Returns the thickness of the
+    thinnest row or column of cells in pixels, 0 for a degenerate quad. Levels outside the image are NaN.
     """
     h = np.empty(9)
     if not square_to_quad(quad, h):
         return 0.0
     n = size + 2
-    side = 1e9
-    for s in range(4):
-        t = (s + 1) % 4
-        length = np.sqrt((quad[t, 0] - quad[s, 0]) ** 2 + (quad[t, 1] - quad[s, 1]) ** 2)
-        side = min(side, length)
-    module = side / n
+    across, down = cell_size(quad, n)
+    module = min(across, down)
     points = 3 if module > 6 else (2 if module > 3 else 1)
     spread = 0.2 / n
     for r in range(n + 2):
@@ -136,16 +147,16 @@ def read_levels(image, quad, size, levels):
         for c in range(n + 2):
             u = (c - 0.5) / n
             u = -0.38 / n if c == 0 else (1 + 0.38 / n if c == n + 1 else u)
-            levels[r, c] = _cell(image, h, u, v, spread, points)
+            levels[r, c] = _cell(image, light, h, u, v, spread, points)
     return module
 
 
 @njit(cache=True, nogil=True)
-def frame_contrast(levels, plane, least_contrast):
+def frame_contrast(levels, plane, least_contrast, most_weak):
     """Write the plane (3,) of the threshold between black frame and white paper; return their contrast.
 
-    0 where the frame is not dark on light all round: more than one pair in eight has less than two fifths of the
-    mean contrast. ``plane`` holds the level at the centre and its slopes by column and row.
+    0 where the frame is not dark on light all round: a larger share than ``most_weak`` of the pairs has less than
+    two fifths of the mean contrast. ``plane`` holds the level at the centre and its slopes by column and row.
     """
     n = levels.shape[0]
     middle = 0.5 * (n - 1)
@@ -178,7 +189,7 @@ def frame_contrast(levels, plane, least_contrast):
         weak += levels[k, n - 1] - levels[k, n - 2] < 0.4 * contrast
         weak += levels[0, k] - levels[1, k] < 0.4 * contrast
         weak += levels[n - 1, k] - levels[n - 2, k] < 0.4 * contrast
-    if 8 * weak > pairs:
+    if weak > most_weak * pairs:
         return 0.0
     plane[0], plane[1], plane[2] = s0 / pairs, sx / spread, sy / spread
     return contrast
@@ -245,3 +256,94 @@ def match_word(word, margins, words, owner, wrong_bits, most_wrong, surest):
         if (wrong >> np.uint64(bits - 1 - k)) & np.uint64(1) and abs(margins[k]) > surest:
             return NO_CODE, distance
     return best, distance
+
+
+@njit(cache=True, nogil=True)
+def _gauss(x):
+    return 0.5 * (1 + math.erf(x / np.sqrt(2.0)))
+
+
+@njit(cache=True, nogil=True)
+def _mixing(n, thickness, blur):
+    """Return (n, n): how much of each cell reaches the middle of each other one of a row, for a blur in pixels.
+
+    The outermost cells go on for ever: paper. Their middle lies 0.38 cells outside the frame (read_levels).
+    """
+    mix = np.zeros((n, n))
+    s = blur / thickness
+    for i in range(n):
+        at = 0.62 if i == 0 else (n - 0.62 if i == n - 1 else i + 0.5)
+        for j in range(n):
+            low = -1e9 if j == 0 else (j - at) / s
+            high = 1e9 if j == n - 1 else (j + 1 - at) / s
+            mix[i, j] = _gauss(high) - _gauss(low)
+    return mix
+
+
+@njit(cache=True, nogil=True)
+def _misfit(levels, mix_down, mix_across, cells):
+    """Return the residual RMS of levels against mixed cells (1 white, 0 black), in units of the fitted contrast."""
+    n = len(levels)
+    half = np.zeros((n, n))
+    for i in range(n):
+        for k in range(n):
+            m = mix_down[i, k]
+            if m > 1e-3:
+                for j in range(n):
+                    half[i, j] += m * cells[k, j]
+    sx = sy = sxx = sxy = syy = 0.0
+    for i in range(n):
+        for j in range(n):
+            x = 0.0
+            for k in range(max(j - 3, 0), min(j + 4, n)):
+                x += half[i, k] * mix_across[j, k]
+            y = levels[i, j]
+            sx += x
+            sy += y
+            sxx += x * x
+            sxy += x * y
+            syy += y * y
+    count = n * n
+    vxx, vxy, vyy = sxx - sx * sx / count, sxy - sx * sy / count, syy - sy * sy / count
+    if vxy <= 0:
+        return 1e9
+    # Residual of the line through (predicted, seen), divided by its slope: in units of the contrast.
+    return np.sqrt(max(vyy - vxy * vxy / vxx, 0.0) / count) / (vxy / vxx)
+
+
+@njit(cache=True, nogil=True)
+def match_blurred(levels, across, down, word, words, owner, farthest):
+    """Return (entry or NO_CODE, misfit, lead) of the code that explains the levels of a small marker best.
+
+    Cells of about a pixel mix: each code near the word as read is blurred as the image may be and compared with
+    what is seen, paper and frame included.
+    levels   (n, n) linear light of codes.read_levels; across, down: thickness of its columns and rows, pixels
+    word     bits as read; codes within ``farthest`` wrong bits are tried
+    misfit   residual RMS of the best, in contrasts; lead: misfit of the best other code over that of the best
+    """
+    n = len(levels)
+    size = n - 4
+    cells = np.zeros((n, n))
+    for k in range(n):
+        cells[0, k] = cells[n - 1, k] = cells[k, 0] = cells[k, n - 1] = 1.0
+    best, least, second = NO_CODE, 1e9, 1e9
+    for blur in (0.5, 0.75, 1.1):
+        mix_across = _mixing(n, across, blur)
+        mix_down = _mixing(n, down, blur)
+        for k in range(len(words)):
+            if popcount(word ^ words[k]) > farthest:
+                continue
+            bit = np.uint64(size * size - 1)
+            for r in range(size):
+                for c in range(size):
+                    cells[r + 2, c + 2] = float((words[k] >> bit) & np.uint64(1))
+                    bit -= np.uint64(1)
+            misfit = _misfit(levels, mix_down, mix_across, cells)
+            if best != NO_CODE and owner[k, 0] == owner[best, 0] and owner[k, 1] == owner[best, 1]:
+                if misfit < least:
+                    best, least = k, misfit
+            elif misfit < least:
+                best, least, second = k, misfit, least
+            elif misfit < second:
+                second = misfit
+    return best, least, second / max(least, 1e-9)

@@ -213,7 +213,7 @@ def white_excess(image, light, quad, size, levels):
     The light inside the code's frame is added up and compared with the area of the white bits within the measured
     sides; an image whose levels are not the assumed light shows too much (or too little) white by the length of the
     bits' edges times the spread, and sides that lie inward (or outward) by as much.
-    quad    (4, 2) measured sides; levels (size + 4, size + 4) grey levels of the cells (codes.read_levels)
+    quad    (4, 2) measured sides; levels (size + 4, size + 4) light of the cells (codes.read_levels)
     """
     n = size + 2
     h = np.empty(9)
@@ -233,14 +233,14 @@ def white_excess(image, light, quad, size, levels):
     paper = np.zeros(4)
     frame = np.zeros(4)
     for k in range(1, n + 1):
-        paper[0] += light[int(levels[0, k] + 0.5)]
-        paper[1] += light[int(levels[k, n + 1] + 0.5)]
-        paper[2] += light[int(levels[n + 1, k] + 0.5)]
-        paper[3] += light[int(levels[k, 0] + 0.5)]
-        frame[0] += light[int(levels[1, k] + 0.5)]
-        frame[1] += light[int(levels[k, n] + 0.5)]
-        frame[2] += light[int(levels[n, k] + 0.5)]
-        frame[3] += light[int(levels[k, 1] + 0.5)]
+        paper[0] += levels[0, k]
+        paper[1] += levels[k, n + 1]
+        paper[2] += levels[n + 1, k]
+        paper[3] += levels[k, 0]
+        frame[0] += levels[1, k]
+        frame[1] += levels[k, n]
+        frame[2] += levels[n, k]
+        frame[3] += levels[k, 1]
     paper /= n
     frame /= n
     p0, px, py = paper.mean(), paper[1] - paper[3], paper[2] - paper[0]
@@ -256,7 +256,7 @@ def white_excess(image, light, quad, size, levels):
     white = np.zeros((n, n), np.bool_)
     for r in range(1, n - 1):
         for c in range(1, n - 1):
-            white[r, c] = light[int(levels[r + 1, c + 1] + 0.5)] > middle
+            white[r, c] = levels[r + 1, c + 1] > middle
     area = edges = 0.0
     for r in range(n - 1):
         for c in range(n - 1):
@@ -308,7 +308,7 @@ def spread_of_white(image, light, quads, sizes, least_module, most):
     total = weight = 0.0
     for k in np.argsort(-modules)[:most]:
         levels = np.empty((sizes[k] + 4, sizes[k] + 4))
-        module = read_levels(image, quads[k], sizes[k], levels)
+        module = read_levels(image, light, quads[k], sizes[k], levels)
         if module < least_module or np.isnan(levels).any():
             continue
         spread, edges = white_excess(image, light, quads[k], sizes[k], levels)
