@@ -1,0 +1,44 @@
+"""Expose: linear renders to the twin's images, through exposure, the camera's effects, noise and encoding.
+
+Needs: render/CAMERA.json, register/CAMERA.json, the twin's file where there is one. Makes: twin/CAMERA/CAPTURE.png.
+"""
+
+
+rule expose_twin:
+    input:
+        scene=ancient(f"{RESULTS}/expand/scene.json"),
+        tables=ancient(
+            expand(f"{RESULTS}/expand/{{table}}.csv", table=["cameras", "captures"])
+        ),
+        register=f"{RESULTS}/register/{{camera}}.json",
+        manifest=f"{RESULTS}/render/{{camera}}.json",
+        code=modules(
+            "job.py",
+            "expand_tables.py",
+            "effects/base.py",
+            "effects/encoding.py",
+            "effects/filters.py",
+            "effects/pipeline.py",
+            "effects/resampling.py",
+            "rig/geometry.py",
+            "rig/render_store.py",
+            "rig/tables.py",
+        ),
+        effect_code=effect_code,
+    output:
+        directory(f"{RESULTS}/twin/{{camera}}"),
+    log:
+        f"{RESULTS}/logs/expose_twin/{{camera}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/expose_twin/{{camera}}.tsv"
+    conda:
+        "../envs/twingap.yaml"
+    params:
+        facts=camera_facts,
+        effects=exposed_effects,
+        seed=config["seed"],
+        pins=locked("numpy", "opencv-contrib-python-headless", "numba"),
+    message:
+        "Exposing the twin of {wildcards.camera}"
+    script:
+        "../scripts/expose_twin.py"

@@ -1,0 +1,46 @@
+"""Register: check every capture, calibrate from boards, find the pose of each capture.
+
+Needs: expand/, the captures (checked against their .dvc file, where there is one). Makes: register/CAMERA.csv, .json.
+"""
+
+
+rule register_captures:
+    input:
+        scene=ancient(f"{RESULTS}/expand/scene.json"),
+        tables=ancient(
+            expand(
+                f"{RESULTS}/expand/{{table}}.csv",
+                table=["cameras", "captures", "markers", "stations"],
+            )
+        ),
+        verified=verified_data(),
+        images=captures_of,
+        code=modules(
+            "job.py",
+            "expand_tables.py",
+            "rig/boards.py",
+            "rig/calibration.py",
+            "rig/campaign.py",
+            "rig/geometry.py",
+            "rig/images.py",
+            "rig/plates.py",
+            "rig/registration.py",
+            "rig/tables.py",
+        ),
+    output:
+        table=f"{RESULTS}/register/{{camera}}.csv",
+        intrinsics=f"{RESULTS}/register/{{camera}}.json",
+    log:
+        f"{RESULTS}/logs/register_captures/{{camera}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/register_captures/{{camera}}.tsv"
+    conda:
+        "../envs/twingap.yaml"
+    params:
+        facts=camera_facts,
+        campaign=CAMPAIGN,
+        pins=locked("numpy", "scipy", "opencv-contrib-python-headless"),
+    message:
+        "Checking and registering the captures of {wildcards.camera}"
+    script:
+        "../scripts/register_captures.py"

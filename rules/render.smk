@@ -1,0 +1,49 @@
+"""Render: linear radiance of every station with Blender, with an overscan margin that later stages need.
+
+Needs: expand/, register/CAMERA.json (intrinsics; poses where stations are unknown), the twin's scene effects.
+Makes: render/CAMERA.json, and beside it render/CAMERA/STATION.npz, kept between runs and trusted by their keys.
+"""
+
+
+rule render_stations:
+    input:
+        scene=ancient(f"{RESULTS}/expand/scene.json"),
+        tables=ancient(
+            expand(
+                f"{RESULTS}/expand/{{table}}.csv",
+                table=["cameras", "markers", "stations"],
+            )
+        ),
+        register_csv=f"{RESULTS}/register/{{camera}}.csv",
+        register_json=f"{RESULTS}/register/{{camera}}.json",
+        code=modules(
+            "job.py",
+            "expand_tables.py",
+            "blender/renderer.py",
+            "effects/base.py",
+            "rig/geometry.py",
+            "rig/plates.py",
+            "rig/render_store.py",
+            "rig/scene.py",
+            "rig/tables.py",
+        ),
+        effect_code=scene_effect_code,
+    output:
+        manifest=f"{RESULTS}/render/{{camera}}.json",
+        timing=f"{RESULTS}/render/{{camera}}_timing.csv",
+    log:
+        f"{RESULTS}/logs/render_stations/{{camera}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/render_stations/{{camera}}.tsv"
+    conda:
+        "../envs/twingap.yaml"
+    threads: config["render"]["threads"]
+    params:
+        facts=camera_facts,
+        effects=rendered_effects,
+        settings=config["render"],
+        pins=locked("bpy", "numpy"),
+    message:
+        "Rendering the stations of {wildcards.camera}"
+    script:
+        "../scripts/render_stations.py"

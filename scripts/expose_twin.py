@@ -1,0 +1,80 @@
+"""Expose: from linear renders to the twin's 8-bit images, one a capture, through the camera's effects.
+
+Trials of a station share its render; each has noise of its own, seeded by campaign, camera and capture.
+"""
+
+import json
+import logging
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import job
+import numpy as np
+from effects import pipeline
+from effects.base import View
+from rig import tables
+from rig.geometry import camera_matrix, make_pose
+from rig.render_store import read_station
+from tqdm import tqdm
+
+log = logging.getLogger("twingap")
+
+
+def views_of(expand, register_json, camera, poses):
+    """Yield (capture name, View without margin) of all captures of a camera, or of its stations where there are none."""
+    facts = json.loads((expand / "scene.json").read_text())
+    sizes = tables.read_table(expand / "cameras.csv", tables.CAMERAS).set_index("camera").loc[camera]
+    intrinsics = json.loads(Path(register_json).read_text())
+    K = camera_matrix(*(intrinsics[k] for k in ("fx", "fy", "cx", "cy")))
+    captures = tables.read_table(expand / "captures.csv", tables.CAPTURES)
+    captures = captures[captures.camera == camera].sort_values("capture")
+    named = list(zip(captures.capture, captures.station, strict=True)) or [(s, s) for s in poses]
+    for capture, station in named:
+        yield capture, View(
+            K, int(sizes.width), int(sizes.height), 0, poses[station], camera, capture, station,
+            float(facts["exposure"]), facts["encoding"],
+        )  # fmt: skip
+
+
+def expose_twin(expand, register_json, manifest, camera, effects, seed, out):
+    """Write the twin image of every capture of a camera as PNG to the folder ``out``.
+
+    manifest of the render stage; effects [[name, parameters], ...], scene effects are in the render already.
+    """
+    expand, out = Path(expand), Path(out)
+    record = json.loads(Path(manifest).read_text())
+    facts = json.loads((expand / "scene.json").read_text())
+    poses = {s: make_pose(e["pose"][:3], e["pose"][3:]) for s, e in record["stations"].items()}
+    chosen = [(n, p) for n, p in effects]
+    unfinished = out.with_name(out.name + ".unfinished")
+    shutil.rmtree(unfinished, ignore_errors=True)
+    unfinished.mkdir(parents=True)
+    views = list(views_of(expand, register_json, camera, poses))
+    for capture, view in tqdm(views, desc=f"exposing {camera}", unit="image", mininterval=5):
+        radiance, margin = read_station(Path(manifest).parent, record["stations"][view.station])
+        view = replace(view, margin=margin)
+        rng = np.random.default_rng(job.seed_of(seed, facts["name"], camera, capture, "expose"))
+        image = pipeline.to_uint8(pipeline.form_image(radiance, view, chosen, facts["noise_dn"], rng))
+        pixels = image[..., 0] if image.shape[2] == 1 else image[..., ::-1]
+        ok, data = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 3])
+        if not ok:
+            raise RuntimeError(f"{capture}: PNG encoding failed")
+        (unfinished / f"{capture}.png").write_bytes(data.tobytes())
+    shutil.rmtree(out, ignore_errors=True)
+    unfinished.rename(out)
+
+
+if __name__ == "__main__":
+    job.run(
+        expose_twin,
+        snakemake,
+        expand=Path(snakemake.input.scene).parent,
+        register_json=snakemake.input.register,
+        manifest=snakemake.input.manifest,
+        camera=snakemake.wildcards.camera,
+        effects=snakemake.params.effects,
+        seed=snakemake.params.seed,
+        out=snakemake.output[0],
+    )

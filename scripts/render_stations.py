@@ -1,0 +1,141 @@
+"""Render: linear radiance of every station of a camera with Blender, each station once.
+
+A station is rendered again only when the scene, the camera, its pose, the settings or Blender's version change: its key
+says so, and what has the right key is kept. A run that was killed goes on where it was.
+"""
+
+import hashlib
+import json
+import logging
+import math
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+import job
+from effects import pipeline
+from rig import render_store, tables
+from rig.errors import InputError
+from rig.geometry import camera_matrix, make_pose, split_pose
+from rig.scene import load_scene
+
+log = logging.getLogger("twingap")
+
+
+def station_poses(expand, register_csv, camera):
+    """Return {station: T_cam_world}: nominal poses, or the registered ones where a station's pose is unknown."""
+    stations = tables.read_table(expand / "stations.csv", tables.STATIONS)
+    stations = stations[stations.camera == camera].set_index("station")
+    registered = None
+    poses = {}
+    for name, s in stations.iterrows():
+        pose = s[tables.POSE].to_numpy(float)
+        if np.isnan(pose).any():
+            if registered is None:
+                registered = pd.read_csv(register_csv, dtype={"station": str}).drop_duplicates("station")
+                registered = registered.set_index("station")
+            pose = registered.loc[name, tables.POSE].to_numpy(float)
+        if np.isfinite(pose).all():
+            poses[name] = make_pose(pose[:3], pose[3:])
+        else:
+            log.info("station %s has no pose (its photograph shows no target): not rendered", name)
+    return dict(sorted(poses.items()))
+
+
+def key_of(scene, K, size, margin, samples, device, version, T_cam_world):
+    """Return the hash of everything that decides a station's pixels."""
+    digest = hashlib.sha256()
+    for plate in scene.plates:
+        for array in (plate.T_world_plate, plate.x_m, plate.y_m, plate.white):
+            digest.update(np.ascontiguousarray(array).tobytes())
+    facts = [scene.white, scene.black, scene.ground, scene.background, scene.light, scene.highlight, scene.ink_spread_m]
+    facts += [scene.T_cam_mount.tolist(), K.tolist(), list(size), margin, samples, device, version, T_cam_world.tolist()]
+    digest.update(json.dumps(facts, sort_keys=True).encode())
+    return digest.hexdigest()
+
+
+def render_stations(expand, register_csv, register_json, camera, effects, settings, out, timing):
+    """Render a camera's stations; write the manifest ``out`` (JSON) and, apart, the seconds each took.
+
+    effects [[name, parameters], ...] of the twin, scene effects; settings: device, edge_samples, overscan, threads.
+    """
+    from blender.renderer import Renderer, blender_version
+
+    expand, out = Path(expand), Path(out)
+    scene = pipeline.scene_with_effects(load_scene(expand), [(n, p) for n, p in effects])
+    size = tables.read_table(expand / "cameras.csv", tables.CAMERAS).set_index("camera").loc[camera]
+    intrinsics = json.loads(Path(register_json).read_text())
+    K = camera_matrix(*(intrinsics[k] for k in ("fx", "fy", "cx", "cy")))
+    width, height = int(size.width), int(size.height)
+    margin = math.ceil(settings["overscan"] * max(width, height))
+    poses = station_poses(expand, register_csv, camera)
+    folder = out.parent / camera
+    keys = {
+        s: key_of(scene, K, (width, height), margin, settings["edge_samples"], settings["device"], blender_version(), T)
+        for s, T in poses.items()
+    }
+    wanted = [s for s in poses if render_store.stored_key(folder, s) != keys[s]]
+    log.info("%s: %d stations, %d to render", camera, len(poses), len(wanted))
+    device, seconds = None, {}
+    if wanted:
+        renderer = Renderer(
+            scene, K, width, height, margin, settings["edge_samples"], settings["threads"], settings["device"]
+        )
+        device = renderer.device
+        for station in tqdm(wanted, desc=f"rendering {camera}", unit="station"):
+            start = time.perf_counter()
+            radiance = renderer.render(poses[station])
+            if not np.isfinite(radiance).all():
+                raise InputError(f"{camera}, station {station}: Blender gave values that are no numbers")
+            render_store.write_station(folder, station, radiance, margin, keys[station])
+            seconds[station] = time.perf_counter() - start
+    _write_manifest(out, folder, poses, keys, margin, settings, device or _recorded_device(out), blender_version())
+    with job.write_atomically(timing) as file:
+        file.write("station,seconds\n" + "".join(f"{s},{t:.3f}\n" for s, t in seconds.items()))
+
+
+def _recorded_device(out):
+    """Return the device of an earlier manifest: nothing was rendered this time."""
+    store = out.parent / f".{out.stem}_device"
+    return store.read_text() if store.is_file() else "CPU"
+
+
+def _write_manifest(out, folder, poses, keys, margin, settings, device, version):
+    stations = {}
+    for station, T in poses.items():
+        entry = {"file": f"{folder.name}/{station}.npz", "key": keys[station]}
+        radiance, _ = render_store.read_station(folder.parent, entry)
+        rvec, tvec = split_pose(T)
+        stations[station] = entry | {
+            "pixels_sha256": render_store.pixels_sha256(radiance),
+            "pose": [*map(float, rvec), *map(float, tvec)],
+        }
+    manifest = {
+        "blender": version,
+        "device": device,
+        "margin_px": margin,
+        "edge_samples": settings["edge_samples"],
+        "stations": stations,
+    }
+    with job.write_atomically(out.parent / f".{out.stem}_device") as file:
+        file.write(device)
+    with job.write_atomically(out) as file:
+        json.dump(manifest, file, indent=1, sort_keys=True)
+
+
+if __name__ == "__main__":
+    job.run(
+        render_stations,
+        snakemake,
+        expand=Path(snakemake.input.scene).parent,
+        register_csv=snakemake.input.register_csv,
+        register_json=snakemake.input.register_json,
+        camera=snakemake.wildcards.camera,
+        effects=snakemake.params.effects,
+        settings=snakemake.params.settings,
+        out=snakemake.output.manifest,
+        timing=snakemake.output.timing,
+    )
