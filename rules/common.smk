@@ -3,6 +3,8 @@
 Needs: the configuration. Makes: nothing. A wrong configuration or campaign ends here with one message, before any job.
 """
 
+import hashlib
+import json
 import re
 import sys
 from pathlib import Path
@@ -10,13 +12,16 @@ from pathlib import Path
 sys.path.insert(0, "scripts")
 
 from detectors import contract
+from expand_tables import facts_of
 from rig.campaign import load_campaign
 from rig.config import check_choice, check_config
 from rig.errors import InputError
 from rig.experiment import load_experiment
 from snakemake.exceptions import WorkflowError
+from verify_data import tracked_listing, tracked_md5
 
 LOCK = "envs/twingap.lock.txt"
+DVC_STORES = [".dvc/cache", "data/dvc-remote"]
 
 
 def checked():
@@ -97,21 +102,85 @@ def campaign_folder(wildcards):
     return CAMPAIGN
 
 
-def captures_of(wildcards):
-    """Return the images of wildcards.camera; their times do not count (DVC does not keep them)."""
+def images(*cameras):
+    """Return the images of some cameras, of all where none is named."""
     if CAMPAIGN is None:
         return []
     rows = SOURCE.captures
-    return [
-        ancient(f"{CAMPAIGN}/{image}")
-        for image in rows[rows.camera == wildcards.camera].image
+    wanted = rows[rows.camera.isin(cameras or CAMERAS)]
+    return [f"{CAMPAIGN}/{image}" for image in wanted.image]
+
+
+def captures_of(wildcards):
+    """Return the images of wildcards.camera.
+
+    Where DVC tracks the campaign, its hashes tell what changed (see camera_facts) and times do not count: DVC
+    does not keep them. Elsewhere nothing but the files themselves can tell.
+    """
+    paths = images(wildcards.camera)
+    return ancient(paths) if dvc_files() else paths
+
+
+def camera_facts(wildcards):
+    """Return a hash of all that the tables say of wildcards.camera: scene, markers, captures, their DVC hashes.
+
+    As a parameter it reruns one camera where the tables of all cameras, as inputs, would rerun every camera.
+    """
+    rows = SOURCE.captures[SOURCE.captures.camera == wildcards.camera]
+    parts = [
+        json.dumps(facts_of(SOURCE.file), sort_keys=True),
+        repr(SOURCE.file.cameras[wildcards.camera]),
+        SOURCE.markers.to_csv(index=False),
+        rows.to_csv(index=False),
     ]
+    for dvc_file in dvc_files():
+        tracked = tracked_md5(dvc_file)
+        listing = tracked_listing(tracked, DVC_STORES) or {}
+        parts += [listing.get(image, tracked) for image in rows.image]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
 def dvc_files():
-    """Return the campaign's .dvc file, where it is tracked: the trigger for changed captures."""
+    """Return the campaign's .dvc file, where it is tracked."""
     path = Path(f"{CAMPAIGN}.dvc")
     return [str(path)] if CAMPAIGN and path.is_file() else []
+
+
+def verified_data():
+    """Return the note of verified data: it must be there, but a new one alone reruns nothing."""
+    return [ancient(f"{RESULTS}/verified.json")] if CAMPAIGN else []
+
+
+def files_seen(wildcards):
+    """Return a hash of names, sizes and times of the campaign's files: any change is verified anew."""
+    rows = sorted(
+        f"{p} {p.stat().st_size} {p.stat().st_mtime_ns}"
+        for p in Path(CAMPAIGN).rglob("*")
+        if p.is_file()
+    )
+    return hashlib.sha256("\n".join(rows).encode()).hexdigest()
+
+
+def rendered_effects(wildcards):
+    """Return the twin's effects that change the scene: all others work on the render."""
+    return twin_effects(wildcards.camera, "scene")
+
+
+def scene_effect_code(wildcards):
+    """Return the files of the scene effects that a camera's twin uses."""
+    return modules(*[f"effects/{name}.py" for name, _ in rendered_effects(wildcards)])
+
+
+def exposed_effects(wildcards):
+    """Return the effects that act after the render."""
+    return twin_effects(wildcards.camera, "lens", "shutter", "sensor", "processing")
+
+
+def effect_code(wildcards):
+    """Return the files of the effects that a camera's twin uses."""
+    return modules(
+        *[f"effects/{name}.py" for name, _ in twin_effects(wildcards.camera)]
+    )
 
 
 def twin_of(wildcards):
