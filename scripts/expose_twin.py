@@ -23,7 +23,7 @@ log = logging.getLogger("twingap")
 
 
 def views_of(expand, register_json, camera, poses):
-    """Yield (capture name, View without margin) of all captures of a camera, or of its stations where there are none."""
+    """Yield (capture name, View without margin) of all captures of a camera, of its stations where there are none."""
     facts = json.loads((expand / "scene.json").read_text())
     sizes = tables.read_table(expand / "cameras.csv", tables.CAMERAS).set_index("camera").loc[camera]
     intrinsics = json.loads(Path(register_json).read_text())

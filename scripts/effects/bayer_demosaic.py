@@ -4,6 +4,7 @@ Bilinear interpolation; ``amount`` mixes with the full-colour image (1 is a real
 US 3971065 (1976); bilinear reference of Malvar, He and Cutler (2004).
 """
 
+import cv2
 import numpy as np
 
 from effects.base import Parameter
@@ -26,5 +27,6 @@ def apply(image, view, p, rng):
     masks[first::2, 1 - first :: 2, 1] = 1
     masks[1 - first :: 2, 1 - first :: 2, 2] = 1
     seen = image * masks
-    planes = [convolve(seen[..., c], SQUARE if c != 1 else CROSS) for c in range(3)]
+    # mirrored about the outermost pixels, so that the mosaic goes on beyond them
+    planes = [convolve(seen[..., c], SQUARE if c != 1 else CROSS, cv2.BORDER_REFLECT_101) for c in range(3)]
     return image + np.float32(p["amount"]) * (np.stack(planes, axis=-1) - image)

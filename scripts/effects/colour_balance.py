@@ -6,7 +6,7 @@ Gains act on linear light, as a camera's processing does before its curve. Sourc
 import numpy as np
 
 from effects.base import Parameter
-from effects.pipeline import decode, encode
+from effects.encoding import decode, encode
 
 STAGE, ORDER = "processing", 10
 MAKES_COLOUR = True

@@ -16,6 +16,8 @@ PARAMETERS = {"strength_dn": Parameter("dn", 0.0, 80.0, 0.0, (2.0, 8.0), 0.5, "r
 
 def apply(image, view, p, rng):
     """Filter each channel."""
+    if p["strength_dn"] == 0:
+        return image
     planes = [
         cv2.bilateralFilter(np.ascontiguousarray(image[..., c]), DIAMETER_PX, p["strength_dn"], SIGMA_PX)
         for c in range(image.shape[2])

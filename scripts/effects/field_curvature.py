@@ -3,8 +3,10 @@
 sigma = sigma_corner_px (r / r_corner)^2, Gaussian. Source: Petzval curvature, third-order (Seidel) aberrations.
 """
 
+import numpy as np
+
 from effects.base import Parameter
-from effects.filters import relative_radius, varying_blur
+from effects.filters import LEVELS_PX, squared_radius, varying_blur
 
 STAGE, ORDER = "lens", 130
 PARAMETERS = {
@@ -16,4 +18,5 @@ PARAMETERS = {
 
 def apply(image, view, p, rng):
     """Blur by a Gaussian that grows with the square of the radius."""
-    return varying_blur(image, p["sigma_corner_px"] * relative_radius(view, image.shape[:2]) ** 2)
+    sigma = p["sigma_corner_px"] * squared_radius(view, image.shape[:2])
+    return varying_blur(image, np.minimum(sigma, np.float32(LEVELS_PX[-1])))

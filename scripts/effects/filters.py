@@ -1,56 +1,104 @@
-"""Filters that several effects share, on float32 images (rows, columns, channels)."""
+"""Filters that several effects share, on float32 images (rows, columns, channels).
+
+Spreads are exact: a kernel's variance is what its parameter says, also for a fraction of a pixel, and changes smoothly
+with it, so that a fit can follow it from zero.
+"""
+
+import functools
 
 import cv2
 import numpy as np
+from scipy.special import ive
 
 # Standard deviations at which a blur that varies over the image is computed; between them, variances are mixed
 LEVELS_PX = (0.0, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0)
+PIECES_PER_DISC = 64
+BISECTIONS = 40
 
 
+@functools.lru_cache(maxsize=64)
 def gaussian_taps(sigma_px):
-    """Return odd taps of a Gaussian with exactly that variance: three taps where sampling one would be too coarse."""
-    if sigma_px < 0.5:
-        v = sigma_px**2
-        return np.array([v / 2, 1 - v, v / 2])
-    reach = int(np.ceil(4 * sigma_px))
-    x = np.arange(-reach, reach + 1)
-    taps = np.exp(-(x**2) / (2 * sigma_px**2))
+    """Return the odd taps of the discrete analogue of a Gaussian, exp(-v) I_n(v), whose variance is v = sigma_px^2.
+
+    Source: T. Lindeberg, "Scale-space for discrete signals", IEEE PAMI 12 (1990).
+    """
+    reach = int(np.ceil(4.5 * sigma_px)) + 1
+    taps = ive(np.abs(np.arange(-reach, reach + 1)), sigma_px**2)
     return taps / taps.sum()
 
 
-def gaussian(image, sigma_x, sigma_y=None):
-    """Return the image blurred by a Gaussian, standard deviations in pixels."""
-    if sigma_x == 0 and not sigma_y:
+def gaussian(image, sigma_px):
+    """Return the image blurred by a Gaussian of a standard deviation in pixels."""
+    if sigma_px == 0:
         return image
-    taps_x, taps_y = gaussian_taps(sigma_x), gaussian_taps(sigma_x if sigma_y is None else sigma_y)
-    out = cv2.sepFilter2D(image, cv2.CV_32F, taps_x, taps_y, borderType=cv2.BORDER_REPLICATE)
+    taps = gaussian_taps(float(sigma_px))
+    out = cv2.sepFilter2D(image, cv2.CV_32F, taps, taps, borderType=cv2.BORDER_REPLICATE)
     return out.reshape(image.shape)
 
 
-def convolve(image, kernel):
-    """Return the image convolved with a small symmetric-about-its-centre kernel (odd, odd)."""
-    out = cv2.filter2D(image, cv2.CV_32F, kernel[::-1, ::-1], borderType=cv2.BORDER_REPLICATE)
+def convolve(image, kernel, border=cv2.BORDER_REPLICATE):
+    """Return the image convolved with a kernel (odd, odd)."""
+    out = cv2.filter2D(image, cv2.CV_32F, np.ascontiguousarray(kernel[::-1, ::-1]), borderType=border)
     return out.reshape(image.shape)
 
 
 def varying_blur(image, sigma_px, blur=gaussian):
-    """Return the image blurred by a standard deviation (rows, columns), pixels, that varies slowly.
+    """Return the image blurred by a standard deviation (rows, columns), pixels, 0 to 8, that varies slowly.
 
-    Between two levels variances are mixed, so that the spread is exact and smooth in the parameters.
+    Between two levels the blurred images are mixed so that variances, hence spreads, are exact and smooth.
     """
-    largest = float(sigma_px.max())
-    out = np.zeros_like(image)
-    lower_level, lower = LEVELS_PX[0], image
-    for level in LEVELS_PX[1:]:
-        upper = blur(image, level)
-        share = np.clip((sigma_px**2 - lower_level**2) / (level**2 - lower_level**2), 0, 1)
-        here = (sigma_px >= lower_level) & ((sigma_px < level) | (level == LEVELS_PX[-1]))
-        mixed = lower + (upper - lower) * share[..., None].astype(np.float32)
-        out[here] = mixed[here]
-        if largest < level:
+    variance = (sigma_px * sigma_px).astype(np.float32)
+    smallest, largest = float(sigma_px.min()), float(sigma_px.max())
+    first = max(k for k, level in enumerate(LEVELS_PX) if level <= smallest)
+    lower_level, lower = LEVELS_PX[first], blur(image, LEVELS_PX[first])
+    out = lower
+    for level in LEVELS_PX[first + 1 :]:
+        if largest <= lower_level:
             break
+        upper = blur(image, level)
+        share = (variance - np.float32(lower_level**2)) / np.float32(level**2 - lower_level**2)
+        out = out + (upper - lower) * np.clip(share, 0, 1)[..., None]
         lower_level, lower = level, upper
     return out
+
+
+def spread_points(x, y, variance):
+    """Return the kernel (odd, odd) of points (n,) about the origin, shrunk so that it has the variance of x plus y.
+
+    Each point is shared among the four pixels round it, which spreads it further by f (1 - f) per axis; the points
+    move inwards until the sum is right.
+    """
+    low, high = 0.0, 1.0
+    for _ in range(BISECTIONS):
+        scale = (low + high) / 2
+        too_small = _shared_variance(scale * x) + _shared_variance(scale * y) < variance
+        low, high = (scale, high) if too_small else (low, scale)
+    x, y = scale * x, scale * y
+    reach_x, reach_y = int(np.abs(x).max()) + 1, int(np.abs(y).max()) + 1
+    kernel = np.zeros((2 * reach_y + 1, 2 * reach_x + 1))
+    i, j = np.floor(y).astype(int), np.floor(x).astype(int)
+    fy, fx = y - i, x - j
+    for di, wy in ((0, 1 - fy), (1, fy)):
+        for dj, wx in ((0, 1 - fx), (1, fx)):
+            inside = wy * wx > 0
+            np.add.at(kernel, (i[inside] + di + reach_y, j[inside] + dj + reach_x), (wy * wx)[inside])
+    return kernel / len(x)
+
+
+def _shared_variance(x):
+    """Return the variance about 0 of points that are shared linearly between two pixels."""
+    f = x - np.floor(x)
+    return float(np.mean(x * x + f * (1 - f)))
+
+
+@functools.lru_cache(maxsize=64)
+def disc_kernel(sigma_px):
+    """Return the kernel of an evenly filled disc with that standard deviation per axis (radius 2 sigma_px)."""
+    t = (np.arange(PIECES_PER_DISC) + 0.5) / PIECES_PER_DISC * 2 - 1
+    x, y = (a.ravel() for a in np.meshgrid(t, t))
+    inside = x * x + y * y <= 1
+    x, y = 2 * sigma_px * x[inside], 2 * sigma_px * y[inside]
+    return spread_points(x, y, 2 * sigma_px**2)
 
 
 def disc(image, sigma_px):
@@ -58,33 +106,18 @@ def disc(image, sigma_px):
 
     A disc of radius R has the variance R^2 / 4 per axis.
     """
-    if sigma_px == 0:
-        return image
-    radius = 2 * sigma_px
-    reach = int(np.ceil(radius + 0.5))
-    fine = (np.arange(-reach * 16 - 8, reach * 16 + 8) + 0.5) / 16
-    inside = (fine[:, None] ** 2 + fine[None, :] ** 2 <= radius**2).astype(float)
-    n = 2 * reach + 1
-    kernel = inside.reshape(n, 16, n, 16).sum((1, 3))
-    kernel /= kernel.sum()
-    # a box per kernel cell adds 1/12 px^2: small discs would spread too much
-    x = np.arange(-reach, reach + 1)
-    variance = (kernel.sum(0) * x**2).sum()
-    if variance > sigma_px**2:
-        share = sigma_px**2 / variance
-        kernel *= share
-        kernel[reach, reach] += 1 - share
-    return convolve(image, kernel)
+    return image if sigma_px == 0 else convolve(image, disc_kernel(float(sigma_px)))
 
 
 def pixel_grid(view, shape):
-    """Return frame pixels (x, y), float32 (rows, columns), of an array with the view's margin."""
-    y, x = np.mgrid[0 : shape[0], 0 : shape[1]].astype(np.float32)
-    return x - view.margin, y - view.margin
+    """Return frame pixels x (1, columns) and y (rows, 1), float32, of an array with the view's margin."""
+    x = np.arange(shape[1], dtype=np.float32)[None] - np.float32(view.margin)
+    y = np.arange(shape[0], dtype=np.float32)[:, None] - np.float32(view.margin)
+    return x, y
 
 
-def relative_radius(view, shape):
-    """Return the distance from the frame's centre in units of half its diagonal (rows, columns), float32."""
+def squared_radius(view, shape):
+    """Return the squared distance from the frame's centre in units of half its diagonal (rows, columns), float32."""
     x, y = pixel_grid(view, shape)
     dx, dy = x - (view.width - 1) / 2, y - (view.height - 1) / 2
-    return np.hypot(dx, dy) / np.float32(np.hypot(view.width, view.height) / 2)
+    return (dx * dx + dy * dy) / np.float32((view.width**2 + view.height**2) / 4)

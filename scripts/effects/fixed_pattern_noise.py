@@ -7,9 +7,9 @@ name: parameters tell its size, not the sensor's own pattern.
 import functools
 
 import numpy as np
+from job import seed_of
 
 from effects.base import Parameter
-from job import seed_of
 
 STAGE, ORDER = "sensor", 15
 PARAMETERS = {
@@ -19,14 +19,20 @@ PARAMETERS = {
 
 
 @functools.lru_cache(maxsize=8)
-def _pattern(camera, shape):
+def pattern(camera, width, height, margin):
+    """Return the camera's gains and column offsets, (H + 2m, W + 2m, 1) and (1, W + 2m, 1), standard normal.
+
+    Each pixel of the frame has its own whatever the margin; the margin is no part of the sensor and has none.
+    """
     rng = np.random.default_rng(seed_of("fixed pattern", camera))
-    return rng.standard_normal(shape, dtype=np.float32), rng.standard_normal((1, *shape[1:]), dtype=np.float32)
+    offsets = rng.standard_normal((1, width), dtype=np.float32)
+    gains = rng.standard_normal((height, width), dtype=np.float32)
+    return np.pad(gains, margin)[..., None], np.pad(offsets, ((0, 0), (margin, margin)))[..., None]
 
 
 def apply(image, view, p, rng):
     """Apply the camera's pattern; the expected image is the mean over sensors, which has none."""
     if rng is None:
         return image
-    gain, offset = _pattern(view.camera, image.shape)
+    gain, offset = pattern(view.camera, view.width, view.height, view.margin)
     return image * (1 + np.float32(p["prnu"]) * gain) + np.float32(p["column_offset_dn"] / 255) * offset

@@ -14,4 +14,6 @@ PARAMETERS = {
 
 def change_scene(scene, p):
     """Set the scene's light."""
+    if p["gradient_x"] == 0 and p["gradient_y"] == 0:
+        return scene
     return scene.with_(light={"gradient_x": p["gradient_x"], "gradient_y": p["gradient_y"]})

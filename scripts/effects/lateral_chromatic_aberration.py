@@ -1,7 +1,7 @@
 """Lateral chromatic aberration: red and blue are magnified differently from green.
 
-x'_channel = c + ratio_channel (x - c). Source: linear model of lensfun and of Mallon and Whelan, "Calibration and removal
-of lateral chromatic aberration in images", Pattern Recognition Letters 28 (2007).
+x'_channel = c + ratio_channel (x - c). Source: linear model of lensfun and of Mallon and Whelan, "Calibration and
+removal of lateral chromatic aberration in images", Pattern Recognition Letters 28 (2007).
 """
 
 from effects.base import Parameter

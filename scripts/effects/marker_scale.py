@@ -5,6 +5,8 @@ Source: printer scaling ("fit to page").
 
 from dataclasses import replace
 
+import numpy as np
+
 from effects.base import Parameter
 
 STAGE, ORDER = "scene", 20
@@ -14,7 +16,8 @@ PARAMETERS = {"scale": Parameter("1", 0.7, 1.35, 1.0, (1.0,), 0.002, "printed si
 
 def _scaled(lines, scale):
     out = lines.copy()
-    out[1:-1] *= scale
+    # a code that outgrows its plate is cut at the plate's edge
+    out[1:-1] = np.clip(out[1:-1] * scale, out[0], out[-1])
     return out
 
 

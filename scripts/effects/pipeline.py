@@ -1,24 +1,27 @@
 """Image formation: from Blender's linear radiance through the effects, in physical order, to grey levels.
 
-linear radiance -> lens (points move once, one resampling; blur, shading, glare) -> shutter -> sensor (exposure, clipping,
-noise, mosaic) -> encoding to 0..255 -> the campaign's declared noise -> processing (balance, curve, sharpening,
+linear radiance -> lens (points move once, one resampling; blur, shading, glare) -> shutter -> sensor (exposure, pattern,
+noise, mosaic, clipping) -> encoding to 0..255 -> the campaign's declared noise -> processing (balance, curve, sharpening,
 denoising, JPEG) -> crop. Noise comes before processing because a camera's chip sharpens and compresses noisy images.
 """
 
 import functools
-import importlib
+import importlib.util
 import pkgutil
 
-import cv2
-import effects
 import numpy as np
-from numba import njit
-
-from effects.base import STAGES, Parameter
 from rig.errors import InputError
 
+import effects
+from effects.base import STAGES, Parameter
+from effects.encoding import encode
+from effects.resampling import fine_map, sample
+
 GRID_STEP_PX = 8
-SHARED_MODULES = ("base", "pipeline", "filters")
+DIFFERENCE_PX = 0.01
+LONGEST_STEP_PX = 100.0
+SPARE_PX = 4  # what the interpolation needs beyond the last ray
+SHARED_MODULES = ("base", "encoding", "filters", "pipeline", "resampling")
 
 
 # -- finding effects ----------------------------------------------------------------------------------------------
@@ -35,11 +38,16 @@ def available_effects():
 
 
 def _load(name):
-    path = f"{list(effects.__path__)[0]}/{name}.py"
+    path = importlib.util.find_spec(f"effects.{name}").origin
     try:
         module = importlib.import_module(f"effects.{name}")
     except Exception as error:
         raise InputError(f"{path}: does not import: {type(error).__name__}: {error}") from None
+    _check_contract(module, path)
+    return module
+
+
+def _check_contract(module, path):
     for attribute in ("STAGE", "ORDER", "PARAMETERS"):
         if not hasattr(module, attribute):
             raise InputError(f"{path}: breaks the contract: {attribute} is missing (see docs/effects.md)")
@@ -50,31 +58,52 @@ def _load(name):
     wanted = ("change_scene",) if module.STAGE == "scene" else ("map_points", "apply")
     if not any(callable(getattr(module, f, None)) for f in wanted):
         raise InputError(f"{path}: a {module.STAGE} effect needs {' or '.join(wanted)}")
-    if not module.PARAMETERS:
-        raise InputError(f"{path}: PARAMETERS is empty")
+    if not isinstance(module.ORDER, int | float):
+        raise InputError(f"{path}: ORDER is {module.ORDER!r}; a number is needed")
+    if not isinstance(module.PARAMETERS, dict) or not module.PARAMETERS:
+        raise InputError(f"{path}: PARAMETERS must be a dict of at least one effects.base.Parameter")
     for key, p in module.PARAMETERS.items():
         if not isinstance(p, Parameter):
             raise InputError(f"{path}: PARAMETERS[{key!r}] is no effects.base.Parameter")
         if not p.lower <= p.null <= p.upper or not p.starts or any(not p.lower <= s <= p.upper for s in p.starts):
             raise InputError(f"{path}: PARAMETERS[{key!r}]: null and starts must lie in [{p.lower}, {p.upper}]")
-    return module
+
+
+def effect_named(name):
+    """Return the module of an effect; raises InputError for a name that does not exist."""
+    found = available_effects()
+    if name not in found:
+        raise InputError(f"unknown effect {name!r}; there are {', '.join(found)}")
+    return found[name]
+
+
+def nulls_of(name):
+    """Return {parameter: value} at which an effect does nothing."""
+    return {key: p.null for key, p in effect_named(name).PARAMETERS.items()}
 
 
 def in_order(chosen):
     """Return effects [(name, params)] in physical order: by stage, then ORDER, then name."""
-    found = available_effects()
-    return sorted(chosen, key=lambda e: (STAGES.index(found[e[0]].STAGE), found[e[0]].ORDER, e[0]))
 
+    def place(effect):
+        module = effect_named(effect[0])
+        return STAGES.index(module.STAGE), module.ORDER, effect[0]
 
-def is_null(name, params):
-    """Return whether parameters leave everything as it is."""
-    return all(params[k] == p.null for k, p in available_effects()[name].PARAMETERS.items())
+    return sorted(chosen, key=place)
 
 
 def active(chosen, function):
-    """Return [(module, params)] of effects that have the function and are not at their null, in physical order."""
-    found = available_effects()
-    return [(found[n], p) for n, p in in_order(chosen) if hasattr(found[n], function) and not is_null(n, p)]
+    """Return [(module, params)] of effects that have the function and are not at their null, in physical order.
+
+    Parameters that are not given are at their null.
+    """
+    found = []
+    for name, params in in_order(chosen):
+        nulls = nulls_of(name)
+        complete = nulls | dict(params)
+        if hasattr(effect_named(name), function) and complete != nulls:
+            found.append((effect_named(name), complete))
+    return found
 
 
 # -- geometry -----------------------------------------------------------------------------------------------------
@@ -99,14 +128,25 @@ def map_points(xy, view, chosen, channel=1):
     return xy
 
 
-def inverse_points(xy, view, chosen, channel=1, iterations=12):
-    """Return the ideal pinhole pixels (n, 2) that land on image pixels xy, by damped fixed-point steps to 1e-4 px."""
-    ideal = xy.copy()
+def inverse_points(xy, view, chosen, channel=1, iterations=20):
+    """Return the ideal pinhole pixels (n, 2) that land on image pixels xy, to 1e-6 px; Newton steps with differences.
+
+    NaN where no step leads there: the pixel looks where the lens model has no rays.
+    """
+    ideal = np.array(xy, float)
     for _ in range(iterations):
-        error = xy - map_points(ideal, view, chosen, channel)
-        ideal += np.clip(error, -50, 50)
-        if np.nanmax(np.abs(error)) < 1e-4:
-            break
+        landed = map_points(ideal, view, chosen, channel)
+        error = xy - landed
+        if np.nanmax(np.abs(error), initial=0.0) < 1e-6:
+            return ideal
+        along_x = (map_points(ideal + [DIFFERENCE_PX, 0], view, chosen, channel) - landed) / DIFFERENCE_PX
+        along_y = (map_points(ideal + [0, DIFFERENCE_PX], view, chosen, channel) - landed) / DIFFERENCE_PX
+        determinant = along_x[:, 0] * along_y[:, 1] - along_x[:, 1] * along_y[:, 0]
+        determinant = np.where(np.abs(determinant) < 1e-6, 1e-6, determinant)
+        step_x = (error[:, 0] * along_y[:, 1] - error[:, 1] * along_y[:, 0]) / determinant
+        step_y = (error[:, 1] * along_x[:, 0] - error[:, 0] * along_x[:, 1]) / determinant
+        ideal += np.clip(np.stack([step_x, step_y], axis=1), -LONGEST_STEP_PX, LONGEST_STEP_PX)
+    ideal[np.abs(xy - map_points(ideal, view, chosen, channel)).max(axis=1) > 1e-3] = np.nan
     return ideal
 
 
@@ -120,88 +160,49 @@ def resample(image, view, chosen):
     channels = (0, 1, 2) if is_chromatic(chosen) else (1,)
     planes = []
     for channel in channels:
-        x, y = _source_map(view, chosen, channel)
+        x, y = source_map(view, chosen, channel)
         _check_margin(x, y, view)
-        source = image if len(channels) == 1 else image[..., min(channel, image.shape[2] - 1)]
-        moved = cv2.remap(source, x, y, cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REPLICATE)
-        planes.append(np.maximum(moved, 0))
+        planes.append(sample(image[..., min(channel, image.shape[2] - 1)] if len(channels) > 1 else image, x, y))
     if len(planes) == 1:
-        return planes[0].reshape(image.shape)
-    return np.stack(planes, axis=-1)
+        return planes[0]
+    return np.concatenate([p.reshape(*p.shape[:2], 1) for p in planes], axis=-1)
 
 
-def _source_map(view, chosen, channel):
-    """Return array coordinates (float32, x and y) of the ideal image for each array element of the moved one."""
+def source_map(view, chosen, channel):
+    """Return array coordinates (x, y: float32, (H + 2m, W + 2m)) in the ideal image of each element of the moved one.
+
+    Inverted exactly every 8 px, cubic between: lens maps are smooth.
+    """
     m, step = view.margin, GRID_STEP_PX
-    columns = np.arange(-m, view.width + m + 2 * step, step, dtype=float)
-    rows = np.arange(-m, view.height + m + 2 * step, step, dtype=float)
+    # two more on each side, as the cubic needs neighbours
+    columns = np.arange(-m - step, view.width + m + 3 * step, step, dtype=float)
+    rows = np.arange(-m - step, view.height + m + 3 * step, step, dtype=float)
     grid = np.stack(np.meshgrid(columns, rows), axis=-1)
-    ideal = inverse_points(grid.reshape(-1, 2), view, chosen, channel).reshape(grid.shape)
-    fine_x, fine_y = np.meshgrid(
-        np.arange(view.width + 2 * m, dtype=np.float32) / step, np.arange(view.height + 2 * m, dtype=np.float32) / step
-    )
-    planes = (np.ascontiguousarray(ideal[..., k] + m, np.float32) for k in (0, 1))
-    return tuple(cv2.remap(p, fine_x, fine_y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE) for p in planes)
+    ideal = inverse_points(grid.reshape(-1, 2), view, chosen, channel).reshape(grid.shape) + m
+    shape = (view.height + 2 * m, view.width + 2 * m)
+    return tuple(fine_map(np.ascontiguousarray(ideal[..., k]), step, shape) for k in (0, 1))
 
 
 def _check_margin(x, y, view):
     m = view.margin
     frame = (slice(m, m + view.height), slice(m, m + view.width))
-    beyond = max(
-        -float(x[frame].min()),
-        -float(y[frame].min()),
-        float(x[frame].max()) - (view.width + 2 * m - 1),
-        float(y[frame].max()) - (view.height + 2 * m - 1),
-    )
-    if not np.isfinite(beyond) or beyond > 0.5:
-        needed = (m + max(beyond, 0)) / max(view.width, view.height) if np.isfinite(beyond) else 1.0
+    x, y = x[frame], y[frame]
+    if not (np.isfinite(x).all() and np.isfinite(y).all()):
+        raise InputError(
+            f"camera {view.camera}: its lens effects have no ray for some pixels of the frame; "
+            "a smaller focal length or less distortion is needed"
+        )
+    last_x, last_y = view.width + 2 * m - 1, view.height + 2 * m - 1
+    beyond = float(max(-x.min(), -y.min(), x.max() - last_x, y.max() - last_y))
+    if beyond > 0.5:
+        needed = (m + beyond + SPARE_PX) / max(view.width, view.height)
         raise InputError(
             f"camera {view.camera}: its lens effects look {beyond:.0f} px beyond the rendered margin of {m} px; "
-            f"set render.overscan to at least {needed + 0.01:.2f}"
+            f"set render.overscan to at least {needed:.2f}"
         )
 
 
-# -- photometry ---------------------------------------------------------------------------------------------------
-
-
-def srgb_encode(linear):
-    """Return IEC 61966-2-1 encoded values 0..1 of linear values 0..1."""
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-12) ** (1 / 2.4) - 0.055)
-
-
-def srgb_decode(encoded):
-    """Return linear values 0..1 of IEC 61966-2-1 encoded ones."""
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-
-
-# Finer near black, where the curve bends: knots at t^2
-_KNOTS = np.linspace(0, 1, 4097)
-_SRGB = srgb_encode(_KNOTS**2)
-
-
-@njit(cache=True)
-def _encode_srgb(values, table):
-    out = np.empty_like(values)
-    n = table.shape[0] - 1
-    for i in range(values.size):
-        v = min(max(values.flat[i], 0.0), 1.0)
-        t = np.sqrt(v) * n
-        k = min(int(t), n - 1)
-        out.flat[i] = 255.0 * (table[k] + (t - k) * (table[k + 1] - table[k]))
-    return out
-
-
-def encode(linear, encoding):
-    """Return grey levels 0..255 (float32) of linear image values; clips to 0..1."""
-    if encoding == "srgb":
-        return _encode_srgb(np.ascontiguousarray(linear, np.float32), _SRGB)
-    return (255 * np.clip(linear, 0, 1)).astype(np.float32)
-
-
-def decode(grey, encoding):
-    """Return linear image values 0..1 of grey levels 0..255."""
-    value = np.clip(grey / 255, 0, 1)
-    return (srgb_decode(value) if encoding == "srgb" else value).astype(np.float32)
+# -- photometry -----------------------------------------------------------------------------------------------------
 
 
 def photometric(image, view, chosen, noise_dn, rng):

@@ -1,17 +1,18 @@
 """The rail is bent: the plates leave their plane smoothly along it.
 
-z = slope_m t + bow_m 4 t (1 - t) + wave_m sin(2 pi t), t from 0 at the first plate to 1 at the last along y; plates tilt
-with the rail. Source: first terms of a bent beam's shape.
+z = slope_m t + bow_m 4 t (1 - t) + wave_m sin(2 pi t), t from 0 at the first plate to 1 at the last along y; plates
+tilt with the rail. Source: first terms of a bent beam's shape.
 """
 
 from dataclasses import replace
 
 import numpy as np
-
-from effects.base import Parameter
 from rig.geometry import make_pose
 
+from effects.base import Parameter
+
 STAGE, ORDER = "scene", 30
+SHORTEST_RAIL_M = 0.01
 MOVES_POINTS = True
 PARAMETERS = {
     "bow_m": Parameter("m", -0.2, 0.2, 0.0, (0.0,), 0.001, "height of the rail's middle over its ends"),
@@ -23,7 +24,9 @@ PARAMETERS = {
 def change_scene(scene, p):
     """Lift and tilt every plate."""
     y = np.array([plate.T_world_plate[1, 3] for plate in scene.plates])
-    length = max(float(np.ptp(y)), 1e-9)
+    length = float(np.ptp(y))
+    if length < SHORTEST_RAIL_M:
+        return scene  # one plate, or a row across: no rail to bend
     t = (y - y.min()) / length
     z = p["slope_m"] * t + p["bow_m"] * 4 * t * (1 - t) + p["wave_m"] * np.sin(2 * np.pi * t)
     rise = (p["slope_m"] + p["bow_m"] * 4 * (1 - 2 * t) + p["wave_m"] * 2 * np.pi * np.cos(2 * np.pi * t)) / length

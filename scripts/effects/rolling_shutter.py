@@ -1,8 +1,9 @@
 """Rolling shutter: rows are read one after the other while the camera moves.
 
-A turning camera shifts a row by its time, counted from the middle row: x' = x + skew_x (y - c), y' = y + skew_y (y - c).
-A sliding camera shifts near things more: a share slide_m / z of the focal length over the whole read-out, z the depth of
-the ground plane. Source: Meingast, Geyer and Sastry, "Geometric models of rolling-shutter cameras" (2005).
+A row y' is read at a time that is counted from the middle row c. A turning camera shifts what it shows by
+x' = x + skew_x (y' - c), y' = y + skew_y (y' - c): y' - c = (y - c) / (1 - skew_y).
+A sliding camera shifts near things more: a share slide_m / z of the focal length over the whole read-out, z the depth
+of the ground plane. Source: Meingast, Geyer and Sastry, "Geometric models of rolling-shutter cameras" (2005).
 """
 
 import numpy as np
@@ -19,7 +20,7 @@ PARAMETERS = {
 
 def map_points(xy, view, p, channel):
     """Shift points by the time at which their row is read."""
-    t = xy[:, 1] - (view.height - 1) / 2
+    t = (xy[:, 1] - (view.height - 1) / 2) / (1 - p["skew_y"])
     shift = np.stack([p["skew_x"] * t, p["skew_y"] * t], axis=1)
     if p["slide_m"] != 0:
         shift[:, 0] += view.K[0, 0] * p["slide_m"] * inverse_depth(xy, view) * t / view.height

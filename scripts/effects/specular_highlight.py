@@ -18,4 +18,6 @@ PARAMETERS = {
 
 def change_scene(scene, p):
     """Set the scene's highlight."""
+    if p["strength"] == 0:
+        return scene
     return scene.with_(highlight=dict(p))

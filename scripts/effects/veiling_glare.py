@@ -3,6 +3,8 @@
 x' = (1 - share) x + share mean(x). Source: ISO 9358, veiling glare index.
 """
 
+import numpy as np
+
 from effects.base import Parameter
 
 STAGE, ORDER = "lens", 150
@@ -13,4 +15,5 @@ def apply(image, view, p, rng):
     """Mix with the frame's mean."""
     m = view.margin
     frame = image[m : m + view.height, m : m + view.width]
-    return (1 - p["share"]) * image + p["share"] * frame.mean(axis=(0, 1))
+    mean = frame.mean(axis=(0, 1), dtype=np.float64).astype(np.float32)
+    return np.float32(1 - p["share"]) * image + np.float32(p["share"]) * mean

@@ -1,0 +1,70 @@
+"""At null parameters an effect must change nothing, bit for bit, else it would win or lose a fit by its own rounding."""
+
+import numpy as np
+import pytest
+from effect_views import noise_image, scene, view
+from effects import pipeline
+
+EFFECTS = pipeline.available_effects()
+
+
+def having(function):
+    """Return the names of effects that have a function."""
+    return [name for name, module in EFFECTS.items() if hasattr(module, function)]
+
+
+def test_all_of_the_vocabulary_is_there():
+    """An effect of design.md that has no file could never be named."""
+    vocabulary = """camera_pose_offset marker_scale rail_sag ink_spread ink_reflectance illumination_gradient
+        specular_highlight focal_length principal_point radial_distortion tangential_distortion
+        lateral_chromatic_aberration lens_blur defocus field_curvature vignetting veiling_glare motion_blur
+        rolling_shutter exposure sensor_noise fixed_pattern_noise bayer_demosaic colour_balance tone_curve sharpening
+        denoising jpeg_compression local_warp""".split()
+    assert len(vocabulary) == 29
+    assert set(vocabulary) <= set(EFFECTS)
+
+
+@pytest.mark.parametrize("name", having("change_scene"))
+def test_scene_stays(name):
+    """Blender would render again for nothing."""
+    before = scene()
+    after = EFFECTS[name].change_scene(before, pipeline.nulls_of(name))
+    assert after.with_(plates=(), T_cam_mount=None) == before.with_(plates=(), T_cam_mount=None)
+    np.testing.assert_array_equal(after.T_cam_mount, before.T_cam_mount)
+    for a, b in zip(after.plates, before.plates, strict=True):
+        for x, y in ((a.T_world_plate, b.T_world_plate), (a.x_m, b.x_m), (a.y_m, b.y_m), (a.white, b.white)):
+            np.testing.assert_array_equal(x, y)
+
+
+@pytest.mark.parametrize("name", having("map_points"))
+@pytest.mark.parametrize("channel", [0, 1, 2])
+def test_points_stay(name, channel):
+    """Points that move by rounding alone still cost nothing of 1e-9 px: the pipeline skips null effects altogether."""
+    xy = np.random.default_rng(1).uniform(-50, 250, (100, 2))
+    moved = EFFECTS[name].map_points(xy, view(), pipeline.nulls_of(name), channel)
+    np.testing.assert_allclose(moved, xy, atol=1e-10)
+    np.testing.assert_array_equal(pipeline.map_points(xy, view(), [(name, {})], channel), xy)
+
+
+@pytest.mark.parametrize("name", having("apply"))
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize("seeded", [True, False])
+def test_pixels_stay(name, channels, seeded):
+    """The effect's own code leaves each pixel as it is, also beyond the range, with noise and without."""
+    if channels == 1 and getattr(EFFECTS[name], "MAKES_COLOUR", False):
+        channels = 3
+    v = view()
+    image = noise_image(channels, v, high=255.0 if EFFECTS[name].STAGE == "processing" else 1.0)
+    rng = np.random.default_rng(5) if seeded else None
+    out = EFFECTS[name].apply(image.copy(), v, pipeline.nulls_of(name), rng)
+    np.testing.assert_array_equal(out, image)
+
+
+@pytest.mark.parametrize("name", list(EFFECTS))
+def test_formed_image_is_the_base(name):
+    """Through the whole chain, noise drawn from the same seed, the effect at its null is not to be told from no effect."""
+    v = view()
+    radiance = noise_image(1, v, high=1.0)[..., 0]
+    base = pipeline.form_image(radiance, v, [], 1.5, np.random.default_rng(3))
+    same = pipeline.form_image(radiance, v, [(name, pipeline.nulls_of(name))], 1.5, np.random.default_rng(3))
+    np.testing.assert_array_equal(same, base)
