@@ -1,0 +1,59 @@
+# make          environment, embedded campaign, results; ends with the path of the report
+# make test     all tests
+# make bench    the measurements of docs/benchmarks.md (long)
+# make lint     style and workflow checks
+# make lock     renew envs/twingap.lock.txt from pyproject.toml
+
+PYTHON ?= python3
+CORES ?= 2
+UV_VERSION := 0.13.8
+
+LOCK := envs/twingap.lock.txt
+INSTALLED := .venv/installed.lock.txt
+BIN := .venv/bin
+UV := .tools/bin/uv
+
+# uv brings its own certificates; behind a company's proxy the machine's are the ones that work.
+SYSTEM_CERTIFICATES := $(wildcard /etc/ssl/certs/ca-certificates.crt)
+ifneq ($(SYSTEM_CERTIFICATES),)
+export SSL_CERT_FILE ?= $(SYSTEM_CERTIFICATES)
+endif
+
+.PHONY: results environment data test bench lint lock
+
+results: environment data
+	$(BIN)/snakemake --cores $(CORES)
+	@echo "The report is $(CURDIR)/results/frame/report/index.html"
+
+$(UV):
+	$(PYTHON) -m venv --clear .tools
+	.tools/bin/python -m pip install --quiet --disable-pip-version-check uv==$(UV_VERSION)
+
+# The copy of the lock in .venv says what is installed there; it is written last, so an interrupted or an older
+# installation is finished, not trusted.
+environment: $(UV)
+	@$(BIN)/python -c "import sys; sys.exit(sys.version_info[:2] != (3, 13))" 2>/dev/null \
+		|| $(UV) venv --clear --quiet --python 3.13 .venv
+	@cmp -s $(LOCK) $(INSTALLED) \
+		|| { rm -f $(INSTALLED) \
+		&& $(UV) pip sync --require-hashes --python $(BIN)/python $(LOCK) \
+		&& cp $(LOCK) $(INSTALLED); }
+
+data: environment
+	@$(BIN)/dvc pull --quiet data/raw/frame.dvc
+
+test: environment data
+	$(BIN)/python -m pytest
+
+bench: environment data
+	$(BIN)/python tests/bench/run_benchmarks.py
+
+lint: environment data
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/snakefmt --check Snakefile rules
+	$(BIN)/snakemake --lint
+
+lock: $(UV)
+	UV_CUSTOM_COMPILE_COMMAND="make lock" $(UV) pip compile --quiet --upgrade --universal --generate-hashes \
+		--python-version 3.13 --all-extras --group dev --output-file $(LOCK) pyproject.toml
