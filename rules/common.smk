@@ -39,6 +39,8 @@ def checked():
         )
     except InputError as error:
         raise WorkflowError(str(error)) from None
+    except OSError as error:
+        raise WorkflowError(f"{error.filename}: {error.strerror}") from None
     return done, source
 
 
@@ -199,6 +201,13 @@ def twin_effects(camera, *stages):
     except InputError as error:
         raise WorkflowError(str(error)) from None
     return [[n, p] for n, p in effects if not stages or found[n].STAGE in stages]
+
+
+def twin_free(camera):
+    """Return [[effect, parameter], ...] that a camera's twin leaves to be fitted."""
+    from rig.twins import load_twin
+
+    return [list(f) for f in load_twin(f"config/twins/{NAME}/{camera}.yaml").free]
 
 
 def twin_files():

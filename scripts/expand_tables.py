@@ -7,23 +7,30 @@ import json
 import math
 from pathlib import Path
 
+import job
 import numpy as np
 import pandas as pd
-
-import job
 from rig import tables
-from rig.campaign import load_campaign
+from rig.campaign import load_campaign, place_name
+from rig.errors import InputError
 from rig.experiment import load_experiment
 from rig.geometry import split_pose, station_pose
 
 POSE = tables.POSE
 
 
-def station_name(row):
-    """Return the station's name of a capture: its height and tilt, or the capture itself where it has no station."""
-    if math.isnan(row.height_m):
-        return row.capture
-    return f"h{round(row.height_m * 1000):04d}_t{row.tilt_deg:g}".replace("-", "m").replace(".", "p")
+def station_names(captures):
+    """Return the station of each capture: its height and tilt; where it has none, the first capture with its pose."""
+    first, names = {}, []
+    for c in captures.itertuples():
+        if not math.isnan(c.height_m):
+            names.append(place_name(c.height_m, c.tilt_deg))
+        elif math.isnan(c.rx):
+            names.append(c.capture)  # an unknown pose is shared with nobody
+        else:
+            pose = (c.camera, *(getattr(c, k) for k in POSE))
+            names.append(first.setdefault(pose, c.capture))
+    return names
 
 
 def stations_of(captures):
@@ -34,7 +41,10 @@ def stations_of(captures):
             pose = np.concatenate(split_pose(station_pose(c.height_m, c.tilt_deg)))
         else:
             pose = [getattr(c, k) for k in POSE]
-        rows[(c.camera, c.station)] = [c.camera, c.station, c.height_m, c.tilt_deg, *pose]
+        row = [c.camera, c.station, c.height_m, c.tilt_deg, *pose]
+        known = rows.setdefault((c.camera, c.station), row)
+        if not np.allclose(known[2:], row[2:], rtol=0, atol=1e-6, equal_nan=True):
+            raise InputError(f"capture {c.capture!r} has the name of a station elsewhere: rename it")
     return pd.DataFrame(list(rows.values()), columns=["camera", "station", "height_m", "tilt_deg", *POSE])
 
 
@@ -65,7 +75,7 @@ def expand_tables(campaign, experiment, out):
     """Write the tables of a campaign's folder or, where that is None, of an experiment's file to the folder ``out``."""
     source = load_campaign(campaign) if campaign else load_experiment(experiment)
     captures = source.captures.copy()
-    captures["station"] = [station_name(c) for c in captures.itertuples()]
+    captures["station"] = station_names(captures)
     out = Path(out)
     tables.write_table(source.markers, out / "markers.csv", tables.MARKERS)
     tables.write_table(cameras_of(source.file.cameras), out / "cameras.csv", tables.CAMERAS)

@@ -19,9 +19,16 @@ from rig.plates import aruco_dictionary
 from rig.safe_yaml import load_yaml, validation_message
 
 NAME = r"^[A-Za-z0-9_-]+$"
+NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
 LARGEST_PX = 20_000
 LARGEST_ROWS = 200_000
+LARGEST_TABLE_BYTES = 64_000_000
 POSE = ("rx", "ry", "rz", "tx", "ty", "tz")
+
+
+def is_name(text, longest):
+    """Return whether a text may name files and folders."""
+    return len(text) <= longest and re.fullmatch(NAME.strip("^$"), text) is not None
 
 
 class Strict(BaseModel):
@@ -97,7 +104,10 @@ class Board(Strict):
             if getattr(self, key) is None:
                 raise ValueError(f"a {self.type} needs {key}")
         if self.dictionary is not None:
-            aruco_dictionary(self.dictionary)
+            known = len(aruco_dictionary(self.dictionary).bytesList)
+            markers = self.columns * self.rows // (2 if self.type == "charuco" else 1)
+            if self.type != "chessboard" and markers > known:
+                raise ValueError(f"{self.columns} x {self.rows} needs {markers} markers; {self.dictionary} has {known}")
         if self.type == "charuco" and self.marker_m >= self.square_m:
             raise ValueError("marker_m must be less than square_m")
         return self
@@ -125,8 +135,8 @@ class CampaignFile(Strict):
         if (self.markers is None) == (self.target is None):
             raise ValueError("give either markers or target")
         for camera in self.cameras:
-            if not re.match(NAME, camera):
-                raise ValueError(f"camera {camera!r}: letters, digits, - and _ only")
+            if not is_name(camera, 64):
+                raise ValueError(f"camera {camera!r}: letters, digits, - and _ only, at most 64")
         return self
 
 
@@ -145,6 +155,8 @@ def inside(folder, relative, where):
     path = Path(relative)
     if not relative or path.is_absolute() or ".." in path.parts or "\\" in relative or "\0" in relative:
         raise InputError(f"{where} is {relative!r}: a path relative to the campaign and inside it is needed")
+    if re.search(r"[{}\n\r]", relative):
+        raise InputError(f"{where} is {relative!r}: braces and line ends are not allowed")
     full = Path(folder) / path
     if not full.resolve().is_relative_to(Path(folder).resolve()):
         raise InputError(f"{where} is {relative!r}: it leaves the campaign's folder")
@@ -152,9 +164,11 @@ def inside(folder, relative, where):
 
 
 def read_rows(path, required, optional=()):
-    """Return a CSV's rows as dicts of text; raise InputError for missing, unknown or doubled columns and ragged rows."""
+    """Return a CSV's rows as dicts of text; raise InputError for missing, unknown or doubled columns, ragged rows."""
     if not path.is_file():
         raise InputError(f"{path}: no such file")
+    if path.stat().st_size > LARGEST_TABLE_BYTES:
+        raise InputError(f"{path}: {path.stat().st_size} bytes; at most {LARGEST_TABLE_BYTES} are read")
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
             reader = csv.reader(file, strict=True)
@@ -185,12 +199,11 @@ def read_rows(path, required, optional=()):
 
 def number(path, row, column, low=-math.inf, high=math.inf, whole=False):
     """Return a row's number within [low, high]; raise InputError naming file, row, column and value."""
-    text = row[column].strip()
-    try:
+    text = row.get(column, "").strip()
+    good = re.fullmatch(r"[+-]?\d{1,18}" if whole else NUMBER, text, re.ASCII) is not None
+    if good:
         value = int(text) if whole else float(text)
         good = math.isfinite(value) and low <= value <= high
-    except ValueError:
-        good = False
     if not good:
         kind = "a whole number" if whole else "a number"
         limits = "" if (low, high) == (-math.inf, math.inf) else f" from {low:g} to {high:g}"
@@ -239,18 +252,20 @@ def read_captures(path, folder, cameras):
     for row in read_rows(path, required, optional):
         where = f"{path}, row {row['row']}"
         name, camera, image = row["capture"].strip(), row["camera"].strip(), row["image"].strip()
-        if not re.match(NAME, name) or len(name) > 128:
-            raise InputError(f"{where}, column capture: {name!r}: letters, digits, - and _ only")
+        if not is_name(name, 128):
+            raise InputError(f"{where}, column capture: {name!r}: letters, digits, - and _ only, at most 128")
         if name in names:
             raise InputError(f"{where}, column capture: {name!r} stands in row {names[name]} too")
         if camera not in cameras:
             raise InputError(
                 f"{where}, column camera: {camera!r} is not in campaign.yaml, which has {', '.join(cameras)}"
             )
-        inside(folder, image, f"{where}, column image")
-        if image in images:
-            raise InputError(f"{where}, column image: {image!r} stands in row {images[image]} too")
-        names[name], images[image] = row["row"], row["row"]
+        file = inside(folder, image, f"{where}, column image")
+        if not file.is_file():
+            raise InputError(f"{where}, column image: {image!r}: no such file{_dvc_hint(folder)}")
+        if file.resolve() in images:
+            raise InputError(f"{where}, column image: {image!r} stands in row {images[file.resolve()]} too")
+        names[name], images[file.resolve()] = row["row"], row["row"]
         values = {"capture": name, "camera": camera, "image": image}
         values |= _place(path, row)
         values["trial"] = number(path, row, "trial", 0, 1e6, whole=True) if row.get("trial", "").strip() else 0
@@ -261,6 +276,12 @@ def read_captures(path, folder, cameras):
     if not made:
         raise InputError(f"{path}: no captures")
     return pd.DataFrame(made)
+
+
+def _dvc_hint(folder):
+    """Return what to do where the images of a tracked campaign are missing."""
+    dvc_file = Path(f"{folder}.dvc")
+    return f"; `dvc pull {dvc_file}` fetches tracked captures" if dvc_file.is_file() else ""
 
 
 def _place(path, row):
@@ -279,14 +300,21 @@ def _place(path, row):
     return place
 
 
+def place_name(height_m, tilt_deg):
+    """Return the name of a station: millimetres and degrees, as in ``h0300_t22p5``."""
+    return f"h{1000 * height_m:04.10g}_t{tilt_deg:.10g}".replace("-", "m").replace("+", "").replace(".", "p")
+
+
 def load_campaign(folder):
     """Return the Campaign in a folder; raises InputError at the first departure from the format."""
     folder = Path(folder)
+    if re.search(r"[{}\n\r]", str(folder)):
+        raise InputError(f"{str(folder)!r}: braces and line ends are not allowed in a campaign's path")
     if not folder.is_dir():
-        raise InputError(f"{folder}: no such campaign folder")
-    path = folder / "campaign.yaml"
+        raise InputError(f"{folder}: no such campaign folder{_dvc_hint(folder)}")
+    path = inside(folder, "campaign.yaml", f"{folder}: campaign.yaml")
     try:
-        file = CampaignFile.model_validate(_whole_floats(load_yaml(path)))
+        file = CampaignFile.model_validate(load_yaml(path))
     except ValidationError as error:
         raise InputError(validation_message(path, error)) from None
     captures = read_captures(inside(folder, file.captures, f"{path}: captures"), folder, file.cameras)
@@ -294,17 +322,3 @@ def load_campaign(folder):
     if file.markers:
         markers = read_markers(inside(folder, file.markers, f"{path}: markers"))
     return Campaign(folder, file, markers, captures)
-
-
-def _whole_floats(data):
-    """Let YAML's whole numbers stand where decimals are meant (``height: 1`` is 1.0), and nothing else."""
-    wants_int = {"schema", "width", "height", "columns", "rows"}
-
-    def convert(key, value):
-        if isinstance(value, dict):
-            return {k: convert(k, v) for k, v in value.items()}
-        if isinstance(value, int) and not isinstance(value, bool) and key not in wants_int:
-            return float(value)
-        return value
-
-    return {k: convert(k, v) for k, v in data.items()}

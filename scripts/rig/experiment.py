@@ -3,6 +3,7 @@
 Rendered and detected like a campaign, without photographs: what a rig would see before it is built.
 """
 
+import itertools
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,9 +13,9 @@ import numpy as np
 import pandas as pd
 from pydantic import Field, ValidationError, model_validator
 
-from rig.campaign import LARGEST_PX, NAME, POSE, NominalCamera, Reflectance, Strict
+from rig.campaign import LARGEST_PX, NAME, POSE, NominalCamera, Reflectance, Strict, inside, is_name, place_name
 from rig.errors import InputError
-from rig.geometry import split_pose
+from rig.geometry import split_pose, station_pose
 from rig.plates import aruco_dictionary
 from rig.safe_yaml import load_yaml, validation_message
 
@@ -130,18 +131,33 @@ class Board(Strict):
 
 
 class Experiment(Strict):
-    """config/experiments/*.yaml"""
+    """config/experiments/*.yaml: stations are all combinations of heights, tilts and distances."""
 
     name: str = Field(pattern=NAME, max_length=64, description="names the results' folder")
     cameras: dict[str, str] = Field(min_length=1, description="name: file below config/cameras")
     rig: str = Field(description="file below config/rigs")
-    heights_m: list[float] = Field(min_length=1, description="heights of the cameras, m")
-    tilts_deg: list[float] = Field(min_length=1, description="tilts below the horizontal, degrees")
-    distances_m: list[float] = Field(
-        default_factory=lambda: [0.0], description="carriage rig: distances of the board from the camera, m"
+    heights_m: list[Annotated[float, Field(gt=0, le=100)]] = Field(
+        min_length=1, max_length=1000, description="heights of the cameras, m"
+    )
+    tilts_deg: list[Annotated[float, Field(ge=-90, le=90)]] = Field(
+        min_length=1, max_length=1000, description="tilts below the horizontal, degrees"
+    )
+    distances_m: list[Annotated[float, Field(ge=0, le=100)]] = Field(
+        default_factory=lambda: [0.0],
+        min_length=1,
+        max_length=1000,
+        description="how far the rig moves away from the camera, m: a carriage",
     )
     reflectance: Reflectance = Field(default_factory=Reflectance, description="linear reflectances")
     noise_dn: float = Field(1.0, ge=0, le=100, description="temporal noise, grey levels")
+
+    @model_validator(mode="after")
+    def names(self):
+        """Cameras name files."""
+        for camera in self.cameras:
+            if not is_name(camera, 64):
+                raise ValueError(f"camera {camera!r}: letters, digits, - and _ only, at most 64")
+        return self
 
 
 class RigFile(Strict):
@@ -176,9 +192,7 @@ class DesignedCampaign:
 
 def _model(kind, path):
     try:
-        from rig.campaign import _whole_floats
-
-        return kind.model_validate(_whole_floats(load_yaml(path)))
+        return kind.model_validate(load_yaml(path))
     except ValidationError as error:
         raise InputError(validation_message(path, error)) from None
 
@@ -188,44 +202,39 @@ def load_experiment(path):
     path = Path(path)
     experiment = _model(Experiment, path)
     config = path.parent.parent
-    cameras = {n: _model(CameraSheet, config / "cameras" / f).nominal() for n, f in experiment.cameras.items()}
-    rig = _model(RigFile, config / "rigs" / experiment.rig)
+    cameras = {
+        name: _model(CameraSheet, inside(config / "cameras", file, f"{path}: cameras.{name}")).nominal()
+        for name, file in experiment.cameras.items()
+    }
+    rig_path = inside(config / "rigs", experiment.rig, f"{path}: rig")
+    rig = _model(RigFile, rig_path)
     rows = [row for ladder in rig.ladders for row in ladder.rows()]
     rows += [row for board in rig.boards for row in board.plate_rows()]
     markers = pd.DataFrame(rows, columns=["dictionary", "id", "code_m", "plate_m", "x", "y", "z", "rx", "ry", "rz"])
     doubled = markers[markers.duplicated(["dictionary", "id"])]
     if len(doubled):
-        raise InputError(
-            f"{config / 'rigs' / experiment.rig}: {doubled.iloc[0].dictionary} {doubled.iloc[0].id} stands twice"
-        )
+        raise InputError(f"{rig_path}: {doubled.iloc[0].dictionary} {doubled.iloc[0].id} stands twice")
+    if not len(markers):
+        raise InputError(f"{rig_path}: no plates; give ladders, boards or both")
     facts = _Facts(experiment.name, cameras, experiment.reflectance, experiment.noise_dn)
     return DesignedCampaign(facts, markers, _stations(experiment))
 
 
 def _stations(experiment):
-    """Return one row a camera and station; a carriage at a distance is a camera stepping back by it."""
-    made = []
-    for camera in experiment.cameras:
-        for distance in experiment.distances_m:
-            for height in experiment.heights_m:
-                for tilt in experiment.tilts_deg:
-                    made.append(_station(camera, height, tilt, distance))
-    return pd.DataFrame(made)
+    """Return one row a camera and station: all combinations of distances, heights and tilts."""
+    places = itertools.product(experiment.cameras, experiment.distances_m, experiment.heights_m, experiment.tilts_deg)
+    return pd.DataFrame([_station(*place) for place in places]).drop_duplicates("capture")
 
 
-def _station(camera, height_m, tilt_deg, distance_m):
+def _station(camera, distance_m, height_m, tilt_deg):
+    """Return a row of the captures' table; a rig that moved away is a camera that stepped back."""
     row = {"camera": camera, "trial": 0, "image": "", "sequence": "", "frame": None, "t_s": math.nan}
     row |= dict.fromkeys(POSE, math.nan)
-    row |= {"height_m": float(height_m), "tilt_deg": float(tilt_deg)}
-    name = f"{camera}_h{round(height_m * 1000):04d}_t{tilt_deg:g}".replace(".", "p")
-    if distance_m:
-        from rig.geometry import station_pose
-
-        T = station_pose(height_m, tilt_deg)
-        step_back = np.eye(4)
-        step_back[1, 3] = distance_m
-        rvec, tvec = split_pose(T @ step_back)
-        row |= dict(zip(POSE, [*rvec, *tvec], strict=True))
-        row |= {"height_m": math.nan, "tilt_deg": math.nan}
-        name += f"_d{round(distance_m * 1000):04d}"
-    return row | {"capture": name}
+    name = place_name(height_m, tilt_deg)
+    if not distance_m:
+        return row | {"capture": f"{camera}_{name}", "height_m": height_m, "tilt_deg": tilt_deg}
+    step_back = np.eye(4)
+    step_back[1, 3] = distance_m
+    rvec, tvec = split_pose(station_pose(height_m, tilt_deg) @ step_back)
+    row |= dict(zip(POSE, [*rvec, *tvec], strict=True)) | {"height_m": math.nan, "tilt_deg": math.nan}
+    return row | {"capture": f"{camera}_{name}_d{1000 * distance_m:04.10g}".replace(".", "p")}

@@ -10,6 +10,10 @@ import numpy as np
 from rig.errors import InputError
 
 LARGEST_PIXELS = 100_000_000
+UNPACKED_AT_ONCE = 1 << 20
+PNG_START = b"\x89PNG\r\n\x1a\n"
+PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # samples a pixel by colour type; a palette's index is one
+HOW = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
 
 
 def read_header(path):
@@ -23,9 +27,9 @@ def read_header(path):
     with open(path, "rb") as file:
         head = file.read(32)
         try:
-            if head[:8] == b"\x89PNG\r\n\x1a\n":
+            if head[:8] == PNG_START:
                 width, height, bits, colour = struct.unpack(">IIBB", head[16:26])
-                return width, height, bits, {0: 1, 2: 3, 3: 3, 4: 2, 6: 4}[colour]
+                return width, height, bits, 3 if colour == 3 else PNG_CHANNELS[colour]
             if head[:2] == b"\xff\xd8":
                 return _jpeg_header(file)
             if head[:4] in (b"II*\0", b"MM\0*"):
@@ -73,32 +77,63 @@ def _tiff_header(file, order):
     return tags[256], tags[257], tags[258], tags[277]
 
 
-def check_complete(path):
-    """Raise InputError where a PNG or JPEG ends too early or a PNG's chunk is damaged."""
-    data = Path(path).read_bytes()
-    if data[:4] == b"\x89PNG":
-        position, ended = 8, False
-        while position + 12 <= len(data):
-            (length,) = struct.unpack(">I", data[position : position + 4])
-            end = position + 12 + length
-            if end > len(data):
-                break
-            body = data[position + 4 : end - 4]
-            if zlib.crc32(body) != struct.unpack(">I", data[end - 4 : end])[0]:
-                raise InputError(f"{path}: damaged PNG (checksum of the chunk at byte {position} is wrong)")
-            ended = body[:4] == b"IEND"
-            position = end
-        if not ended:
-            raise InputError(f"{path}: truncated PNG ({len(data)} bytes, no end)")
-    elif data[:2] == b"\xff\xd8" and b"\xff\xd9" not in data[-64:]:
-        raise InputError(f"{path}: truncated JPEG ({len(data)} bytes, no end)")
+def check_complete(path, data):
+    """Raise InputError where a PNG's or JPEG's data (bytes) ends too early or a PNG is damaged.
+
+    OpenCV fills what is missing with black or grey and says nothing.
+    """
+    if data[:8] == PNG_START:
+        _check_png(path, data)
+    elif data[:2] == b"\xff\xd8":
+        # in coded data 0xFF is followed by 0 or a restart marker: this one is the end of the image
+        scan = data.find(b"\xff\xda")
+        if scan < 0 or data.find(b"\xff\xd9", scan) < 0:
+            raise InputError(f"{path}: truncated JPEG ({len(data)} bytes, no end)")
+
+
+def _check_png(path, data):
+    position, pixels = 8, []
+    while position + 12 <= len(data):
+        (length,) = struct.unpack(">I", data[position : position + 4])
+        end = position + 12 + length
+        if end > len(data):
+            break
+        kind, body = data[position + 4 : position + 8], data[position + 4 : end - 4]
+        if zlib.crc32(body) != struct.unpack(">I", data[end - 4 : end])[0]:
+            raise InputError(f"{path}: damaged PNG (checksum of the chunk at byte {position} is wrong)")
+        if kind == b"IEND":
+            break
+        if kind == b"IDAT":
+            pixels.append(body[4:])
+        position = end
+    else:
+        raise InputError(f"{path}: truncated PNG ({len(data)} bytes, no end)")
+    if data[position + 4 : position + 8] != b"IEND":
+        raise InputError(f"{path}: truncated PNG ({len(data)} bytes, no end)")
+    if not _holds_all_rows(data, pixels):
+        raise InputError(f"{path}: damaged PNG (its rows are not complete)")
+
+
+def _holds_all_rows(data, pixels):
+    """Return whether a PNG's compressed chunks unpack to as many bytes as its rows need, or to their proper end."""
+    width, height, bits, colour, _, _, interlaced = struct.unpack(">IIBBBBB", data[16:29])
+    needed = height * (1 + -(-width * bits * PNG_CHANNELS[colour] // 8))
+    unpacker, unpacked = zlib.decompressobj(), 0
+    try:
+        for chunk in pixels:
+            while chunk and unpacked < needed:
+                unpacked += len(unpacker.decompress(chunk, UNPACKED_AT_ONCE))
+                chunk = unpacker.unconsumed_tail
+    except zlib.error:
+        return False
+    return unpacker.eof if interlaced else unpacked >= needed
 
 
 def read_image(path, size=None):
-    """Return the pixels of an image as OpenCV gives them: uint8 or uint16, (H, W) or (H, W, 3) in BGR order.
+    """Return the pixels of an image as OpenCV gives them: uint8 or uint16, (H, W) where grey, else (H, W, 3) BGR.
 
-    size (width, height) that is declared for it. Raises InputError for another size, other depths than 8 and 16
-    bits, too many pixels, truncation.
+    size (width, height) that is declared for it. As the sensor saw it: EXIF's orientation is not applied. Raises
+    InputError for another size, other depths than 8 and 16 bits, too many pixels, truncation, nothing decoded.
     """
     width, height, bits, _ = read_header(path)
     if width * height > LARGEST_PIXELS or width < 1 or height < 1:
@@ -107,10 +142,12 @@ def read_image(path, size=None):
         raise InputError(f"{path}: {width} x {height} pixels, but its camera has {size[0]} x {size[1]}")
     if bits not in (1, 2, 4, 8, 16):
         raise InputError(f"{path}: {bits} bits a channel; 8 or 16 are read")
-    check_complete(path)
-    image = cv2.imdecode(
-        np.fromfile(path, np.uint8), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
-    )
-    if image is None or image.dtype not in (np.uint8, np.uint16):
+    data = Path(path).read_bytes()
+    check_complete(path, data)
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), HOW)
+    except cv2.error:
+        image = None
+    if image is None or image.dtype not in (np.uint8, np.uint16) or image.shape[:2] != (height, width):
         raise InputError(f"{path}: the image can't be decoded")
     return image
