@@ -25,6 +25,7 @@ rule all:
         f"{RESULTS}/tables/table1.csv",
         f"{RESULTS}/tables/table2.csv",
         DIAGNOSIS,
+        verified_data(),
     message:
         f"The report is {RESULTS}/report/index.html"
 
@@ -32,6 +33,7 @@ rule all:
 rule diagnose:
     input:
         DIAGNOSIS,
+        verified_data(),
     message:
         f"The verdicts are in {RESULTS}/diagnosis"
 

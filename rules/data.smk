@@ -13,6 +13,8 @@ rule verify_data:
         f"{RESULTS}/verified.json",
     log:
         f"{RESULTS}/logs/verify_data.log",
+    # before the long jobs: bad data should cost nothing
+    priority: 100
     conda:
         "../envs/twingap.yaml"
     params:

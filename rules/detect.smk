@@ -7,14 +7,13 @@ its timing. The code of one detector is an input of that detector's jobs alone.
 
 rule detect_captures:
     input:
-        captures=ancient(f"{RESULTS}/expand/captures.csv"),
-        markers=ancient(f"{RESULTS}/expand/markers.csv"),
+        captures=f"{RESULTS}/expand/{{camera}}/captures.csv",
+        markers=f"{RESULTS}/expand/{{camera}}/markers.csv",
         register=f"{RESULTS}/register/{{camera}}.json",
         twin=f"{RESULTS}/twin/{{camera}}",
         images=captures_of,
         code=modules(
             "job.py",
-            "expand_tables.py",
             "detect_markers.py",
             "detectors/contract.py",
             "detectors/_opencv.py",
@@ -34,7 +33,6 @@ rule detect_captures:
     conda:
         "../envs/twingap.yaml"
     params:
-        facts=camera_facts,
         parameters=detector_parameters,
         dictionaries=[],
         campaign=CAMPAIGN,

@@ -1,21 +1,25 @@
 """Expand: configuration or campaign to tables of markers, cameras, stations and captures, the same for both.
 
-Needs: campaign.yaml and its tables, or an experiment's files. Makes: expand/.
+Needs: campaign.yaml and its tables, or an experiment's files. Makes: expand/ of all cameras, and expand/CAMERA/ of each,
+which is made anew only when something of that camera changed: another camera's new capture reruns nothing of it.
 """
+
+
+EXPAND_CODE = modules(
+    "job.py",
+    "rig/campaign.py",
+    "rig/experiment.py",
+    "rig/geometry.py",
+    "rig/plates.py",
+    "rig/safe_yaml.py",
+    "rig/tables.py",
+)
 
 
 rule expand_tables:
     input:
         description=campaign_files(),
-        code=modules(
-            "job.py",
-            "rig/campaign.py",
-            "rig/experiment.py",
-            "rig/geometry.py",
-            "rig/plates.py",
-            "rig/safe_yaml.py",
-            "rig/tables.py",
-        ),
+        code=EXPAND_CODE,
     output:
         markers=f"{RESULTS}/expand/markers.csv",
         cameras=f"{RESULTS}/expand/cameras.csv",
@@ -29,7 +33,29 @@ rule expand_tables:
     params:
         campaign=campaign_folder,
         experiment=config["experiment"],
+        camera=None,
     message:
         "Laying out markers, cameras, stations and captures"
     script:
         "../scripts/expand_tables.py"
+
+
+use rule expand_tables as expand_camera with:
+    input:
+        description=[ancient(path) for path in campaign_files()],
+        code=EXPAND_CODE,
+    output:
+        markers=f"{RESULTS}/expand/{{camera}}/markers.csv",
+        cameras=f"{RESULTS}/expand/{{camera}}/cameras.csv",
+        stations=f"{RESULTS}/expand/{{camera}}/stations.csv",
+        captures=f"{RESULTS}/expand/{{camera}}/captures.csv",
+        scene=f"{RESULTS}/expand/{{camera}}/scene.json",
+    log:
+        f"{RESULTS}/logs/expand_camera/{{camera}}.log",
+    params:
+        campaign=campaign_folder,
+        experiment=config["experiment"],
+        camera=wildcard_camera,
+        facts=camera_facts,
+    message:
+        "Laying out stations and captures of {wildcards.camera}"

@@ -6,15 +6,15 @@ Needs: render/CAMERA.json, register/CAMERA.json, the twin's file where there is 
 
 rule expose_twin:
     input:
-        scene=ancient(f"{RESULTS}/expand/scene.json"),
-        tables=ancient(
-            expand(f"{RESULTS}/expand/{{table}}.csv", table=["cameras", "captures"])
+        scene=f"{RESULTS}/expand/{{camera}}/scene.json",
+        tables=expand(
+            f"{RESULTS}/expand/{{{{camera}}}}/{{table}}.csv",
+            table=["cameras", "captures"],
         ),
         register=f"{RESULTS}/register/{{camera}}.json",
         manifest=f"{RESULTS}/render/{{camera}}.json",
         code=modules(
             "job.py",
-            "expand_tables.py",
             "effects/base.py",
             "effects/encoding.py",
             "effects/filters.py",
@@ -34,7 +34,6 @@ rule expose_twin:
     conda:
         "../envs/twingap.yaml"
     params:
-        facts=camera_facts,
         effects=exposed_effects,
         seed=config["seed"],
         pins=locked("numpy", "opencv-contrib-python-headless", "numba"),

@@ -6,18 +6,14 @@ Needs: expand/, the captures (checked against their .dvc file, where there is on
 
 rule register_captures:
     input:
-        scene=ancient(f"{RESULTS}/expand/scene.json"),
-        tables=ancient(
-            expand(
-                f"{RESULTS}/expand/{{table}}.csv",
-                table=["cameras", "captures", "markers", "stations"],
-            )
+        scene=f"{RESULTS}/expand/{{camera}}/scene.json",
+        tables=expand(
+            f"{RESULTS}/expand/{{{{camera}}}}/{{table}}.csv",
+            table=["cameras", "captures", "markers", "stations"],
         ),
-        verified=verified_data(),
         images=captures_of,
         code=modules(
             "job.py",
-            "expand_tables.py",
             "rig/boards.py",
             "rig/calibration.py",
             "rig/campaign.py",

@@ -7,18 +7,15 @@ Makes: render/CAMERA.json, and beside it render/CAMERA/STATION.npz, kept between
 
 rule render_stations:
     input:
-        scene=ancient(f"{RESULTS}/expand/scene.json"),
-        tables=ancient(
-            expand(
-                f"{RESULTS}/expand/{{table}}.csv",
-                table=["cameras", "markers", "stations"],
-            )
+        scene=f"{RESULTS}/expand/{{camera}}/scene.json",
+        tables=expand(
+            f"{RESULTS}/expand/{{{{camera}}}}/{{table}}.csv",
+            table=["cameras", "markers", "stations"],
         ),
         register_csv=f"{RESULTS}/register/{{camera}}.csv",
         register_json=f"{RESULTS}/register/{{camera}}.json",
         code=modules(
             "job.py",
-            "expand_tables.py",
             "blender/renderer.py",
             "effects/base.py",
             "rig/geometry.py",
@@ -39,7 +36,6 @@ rule render_stations:
         "../envs/twingap.yaml"
     threads: config["render"]["threads"]
     params:
-        facts=camera_facts,
         effects=rendered_effects,
         settings=config["render"],
         pins=locked("bpy", "numpy"),

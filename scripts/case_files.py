@@ -27,7 +27,7 @@ OBSERVED = (
 DEGREE = np.pi / 180
 
 
-def load_case(expand, register_csv, register_json, camera):
+def load_case(expand, register_json, camera):
     """Return (Case, captures' table) of one camera, nothing measured yet.
 
     expand is the folder of the expand tables. Raises InputError where the campaign has no markers (boards have a
@@ -44,9 +44,7 @@ def load_case(expand, register_csv, register_json, camera):
     stations = stations[stations.camera == camera].set_index("station")
     K = camera_matrix(*(float(intrinsics[k]) for k in ("fx", "fy", "cx", "cy")))
     exposure, encoding = float(facts["exposure"]), facts["encoding"]
-    codes = Codes.of(
-        scene.plates, [scene.white, scene.black, scene.ground], encoding_table(encoding, exposure)
-    )
+    codes = Codes.of(scene.plates, [scene.white, scene.black, scene.ground], encoding_table(encoding, exposure))
     tolerance = facts.get("tolerance") or {}
     sigma = np.array(
         [tolerance.get("angle_deg", np.inf) * DEGREE] * 3 + [tolerance.get("position_m", np.inf)] * 3, float
@@ -69,9 +67,7 @@ def load_case(expand, register_csv, register_json, camera):
         )
         made.append(Capture(view, int(row.trial)))
     if not made:
-        raise InputError(
-            f"{expand}/captures.csv: camera {camera} has no captures; a diagnosis needs photographs"
-        )
+        raise InputError(f"{expand}/captures.csv: camera {camera} has no captures; a diagnosis needs photographs")
     case = Case(facts["name"], camera, scene, codes, made, float(facts.get("noise_dn") or 0.0), sigma)
     return case, captures
 

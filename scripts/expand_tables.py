@@ -71,14 +71,19 @@ def facts_of(file):
     }
 
 
-def expand_tables(campaign, experiment, out):
-    """Write the tables of a campaign's folder or, where that is None, of an experiment's file to the folder ``out``."""
+def expand_tables(campaign, experiment, camera, out):
+    """Write the tables of a campaign's folder or, where that is None, of an experiment's file to the folder ``out``.
+
+    camera None lays out all cameras, a name that one.
+    """
     source = load_campaign(campaign) if campaign else load_experiment(experiment)
-    captures = source.captures.copy()
+    captures, cameras = source.captures.copy(), source.file.cameras
+    if camera:
+        captures, cameras = captures[captures.camera == camera], {camera: cameras[camera]}
     captures["station"] = station_names(captures)
     out = Path(out)
     tables.write_table(source.markers, out / "markers.csv", tables.MARKERS)
-    tables.write_table(cameras_of(source.file.cameras), out / "cameras.csv", tables.CAMERAS)
+    tables.write_table(cameras_of(cameras), out / "cameras.csv", tables.CAMERAS)
     tables.write_table(stations_of(captures), out / "stations.csv", tables.STATIONS)
     if not campaign:
         captures = captures.iloc[:0]
@@ -98,5 +103,6 @@ if __name__ == "__main__":
         snakemake,
         campaign=snakemake.params.campaign,
         experiment=snakemake.params.experiment,
+        camera=snakemake.params.camera,
         out=Path(snakemake.output.scene).parent,
     )

@@ -1,0 +1,131 @@
+"""Diagnose: which effect the twin of each camera lacks, and how its error falls as effects are added.
+
+Needs: expand/, register/CAMERA.json, captures, the twin as configured. Makes: diagnosis/CAMERA.json (the verdict),
+diagnosis/CAMERA/ (observations, one file a candidate, tables for pictures), tables/ladder.csv. No Blender in the loop:
+the fit draws the known plates itself (scripts/gap/synthesis.py, held to Blender's renders by a test).
+"""
+
+GAP_CODE = modules(
+    "job.py",
+    "case_files.py",
+    *[f"effects/{name}.py" for name in ("base", "filters", "pipeline")],
+    *[f"gap/{name}.py" for name in ("case", "diagnose", "fit", "flats", "observe", "patch", "raster", "synthesis")],
+    "rig/geometry.py",
+    "rig/plates.py",
+    "rig/scene.py",
+)
+CANDIDATES = config["diagnose"]["candidates"] or sorted(available_effects())
+
+
+def configured_effects(wildcards):
+    """Return the effects of the camera's twin as configured, all stages."""
+    return twin_effects(wildcards.camera)
+
+
+def free_parameters(wildcards):
+    """Return the parameters that the camera's twin leaves to be fitted."""
+    return twin_free(wildcards.camera)
+
+
+def configured_code(wildcards):
+    """Return the files of the effects of the camera's twin."""
+    return modules(*[f"effects/{name}.py" for name, _ in twin_effects(wildcards.camera)])
+
+
+wildcard_constraints:
+    effect="|".join(sorted(available_effects())),
+
+
+rule observe_captures:
+    input:
+        scene=f"{RESULTS}/expand/{{camera}}/scene.json",
+        register_csv=f"{RESULTS}/register/{{camera}}.csv",
+        register_json=f"{RESULTS}/register/{{camera}}.json",
+        images=captures_of,
+        code=GAP_CODE,
+        effect_code=configured_code,
+    output:
+        observations=f"{RESULTS}/diagnosis/{{camera}}/observations.npz",
+        base=f"{RESULTS}/diagnosis/{{camera}}/base.json",
+    log:
+        f"{RESULTS}/logs/observe_captures/{{camera}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/observe_captures/{{camera}}.tsv"
+    conda:
+        "../envs/twingap.yaml"
+    params:
+        campaign=CAMPAIGN,
+        effects=configured_effects,
+        free=free_parameters,
+        pins=locked("numpy", "scipy", "numba", "opencv-contrib-python-headless"),
+    message:
+        "Measuring the plates of {wildcards.camera} by their known codes"
+    script:
+        "../scripts/observe_captures.py"
+
+
+rule try_effect:
+    input:
+        scene=f"{RESULTS}/expand/{{camera}}/scene.json",
+        register_json=f"{RESULTS}/register/{{camera}}.json",
+        observations=f"{RESULTS}/diagnosis/{{camera}}/observations.npz",
+        base=f"{RESULTS}/diagnosis/{{camera}}/base.json",
+        effect_code="scripts/effects/{effect}.py",
+    output:
+        f"{RESULTS}/diagnosis/{{camera}}/candidates/{{effect}}.json",
+    log:
+        f"{RESULTS}/logs/try_effect/{{camera}}_{{effect}}.log",
+    conda:
+        "../envs/twingap.yaml"
+    message:
+        "Is it {wildcards.effect} that the twin of {wildcards.camera} lacks?"
+    script:
+        "../scripts/try_effect.py"
+
+
+rule diagnose_camera:
+    input:
+        scene=f"{RESULTS}/expand/{{camera}}/scene.json",
+        register_json=f"{RESULTS}/register/{{camera}}.json",
+        observations=f"{RESULTS}/diagnosis/{{camera}}/observations.npz",
+        base=f"{RESULTS}/diagnosis/{{camera}}/base.json",
+        candidates=expand(
+            f"{RESULTS}/diagnosis/{{{{camera}}}}/candidates/{{effect}}.json",
+            effect=CANDIDATES,
+        ),
+        code=modules("gap/ladder.py", "gap/where.py", "try_effect.py"),
+    output:
+        verdict=f"{RESULTS}/diagnosis/{{camera}}.json",
+        ladder=f"{RESULTS}/diagnosis/{{camera}}/ladder.csv",
+        plates=f"{RESULTS}/diagnosis/{{camera}}/plates.parquet",
+        fields=f"{RESULTS}/diagnosis/{{camera}}/fields.parquet",
+        noise=f"{RESULTS}/diagnosis/{{camera}}/noise.parquet",
+    log:
+        f"{RESULTS}/logs/diagnose_camera/{{camera}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/diagnose_camera/{{camera}}.tsv"
+    conda:
+        "../envs/twingap.yaml"
+    params:
+        campaign=CAMPAIGN,
+        most_steps=config["diagnose"]["most_steps"],
+    message:
+        "What does the twin of {wildcards.camera} lack?"
+    script:
+        "../scripts/diagnose_camera.py"
+
+
+rule make_ladder:
+    input:
+        parts=expand(f"{RESULTS}/diagnosis/{{camera}}/ladder.csv", camera=CAMERAS),
+        code=modules("job.py"),
+    output:
+        f"{RESULTS}/tables/ladder.csv",
+    log:
+        f"{RESULTS}/logs/make_ladder.log",
+    conda:
+        "../envs/twingap.yaml"
+    message:
+        "Joining the ladders"
+    script:
+        "../scripts/make_ladder.py"
