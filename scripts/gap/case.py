@@ -24,9 +24,7 @@ MARGIN_PX = 24  # what blurs and filters see beyond the frame
 def srgb_encode(linear):
     """IEC 61966-2-1: linear 0..1 to encoded 0..1."""
     linear = np.clip(linear, 0, 1)
-    return np.where(
-        linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055
-    )
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)
 
 
 def encoding_table(encoding, exposure):
@@ -136,9 +134,7 @@ class Case:
         zero = np.zeros(6)
         predicted = self.corners_of(capture, [], zero)
         starts = predicted if starts is None else starts
-        outlines = self.corners_of(
-            capture, [], zero, np.array([p.outline_world() for p in self.scene.plates])
-        )
+        outlines = self.corners_of(capture, [], zero, np.array([p.outline_world() for p in self.scene.plates]))
         wanted = wholly_inside(starts, capture.view.width, capture.view.height)
         wanted &= np.nan_to_num(code_sides_px(starts)) >= SMALLEST_SIDE_PX
         grey = image.mean(axis=2)
@@ -150,9 +146,7 @@ class Case:
         )
         wanted = wholly_inside(starts, capture.view.width, capture.view.height)
         wanted &= np.nan_to_num(code_sides_px(starts)) >= SMALLEST_SIDE_PX
-        capture.observation = observe(
-            image, starts, outlines, wanted, capture.view, self.codes, COARSE_TO_FINE
-        )
+        capture.observation = observe(image, starts, outlines, wanted, capture.view, self.codes, COARSE_TO_FINE)
         capture.green = np.ascontiguousarray(image[..., min(1, image.shape[2] - 1)], np.float32)
         grey_structure = observe_noise(image.mean(axis=2, keepdims=True), capture.observation.classes)[0]
         capture.noise_variance = float(np.exp(np.nanmin(np.append(grey_structure[:4], np.log(4.0)))))

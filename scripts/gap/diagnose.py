@@ -10,7 +10,7 @@ import numpy as np
 from effects import pipeline
 from rig.geometry import station_pose
 
-from gap.fit import NU, RHO_NOISE, Fitter, State, flatten, is_geometric, rho, spec, width_of
+from gap.fit import NU, RHO_NOISE, Fitter, State, flatten, image_step, is_geometric, rho, spec, width_of
 from gap.observe import SMALLEST_SIDE_PX, code_sides_px, wholly_inside
 
 GAP_GROUPS = ("corners", "levels", "edges", "colour", "field", "noise")
@@ -39,6 +39,34 @@ class Candidate:
     stations_gaining: float = 0.0
     matters: bool = False
     state: State = field(default=None, repr=False)
+
+    def as_record(self):
+        """Return plain data of the outcome, poses included; ``from_record`` takes it back."""
+        record = {k: getattr(self, k) for k in RECORDED}
+        record["errors"] = {k: float(v) for k, v in self.errors.items()}
+        record["losses"] = {str(i): v for i, v in self.losses.items()}
+        if self.state is not None:
+            record["effects"] = [[n, p] for n, p in self.state.effects]
+            record["poses"] = self.state.poses.tolist()
+        return record
+
+    @classmethod
+    def from_record(cls, record):
+        """Return the Candidate of plain data."""
+        values = {k: record[k] for k in RECORDED}
+        values["losses"] = {int(i): v for i, v in record["losses"].items()}
+        for key in ("gap_se", "gain_se"):
+            values[key] = float("nan") if values[key] is None else values[key]
+        state = None
+        if "effects" in record:
+            state = State([(n, p) for n, p in record["effects"]], np.array(record["poses"]), [])
+        return cls(**values, state=state)
+
+
+RECORDED = (
+    "effect", "parameters", "errors", "losses", "gap", "gap_se", "groups", "converged", "gain", "gain_se",
+    "stations_gaining", "matters",
+)  # fmt: skip
 
 
 def split_by_station(case):
@@ -70,6 +98,13 @@ def starts_of(effect):
         }
         for row in rows
     ]
+
+
+def start_step(parameter, value):
+    """Return the step from the null to the farthest start: an even parameter has no slope at its null."""
+    s = spec(parameter)
+    steps = [start - value for start in s.starts if start != value]
+    return max(steps, key=abs) if steps else image_step(parameter, value)
 
 
 def usable(indices, case):
@@ -128,9 +163,7 @@ def floors_of(case, groups):
     for name, values in differences.items():
         if values and sum(v.size for v in values) >= 20:
             floors[name] = float(
-                np.clip(
-                    np.sqrt(rho(np.concatenate(values)).mean() / RHO_NOISE), SMALLEST_FLOOR, LARGEST_FLOOR
-                )
+                np.clip(np.sqrt(rho(np.concatenate(values)).mean() / RHO_NOISE), SMALLEST_FLOOR, LARGEST_FLOOR)
             )
     return floors
 
@@ -158,13 +191,35 @@ class Diagnosis:
         )
         fit = self.fitter.fit(self.effects, list(free), self.poses, self.train, iterations=10, scale=2.0)
         self.effects, self.poses = fit.state.effects, fit.state.poses
+        self._score_base()
+        return fit
+
+    def _score_base(self):
         self.poses, self.base_groups = self.fitter.score(self.effects, self.poses, self.test)
         _, train_groups = self.fitter.score(self.effects, self.poses, self.train)
         self.floors = floors_of(self.case, train_groups | self.base_groups)
         self.base_losses = losses_of(self.base_groups)
         self.base_gap = overall_gap(self.base_groups, self.floors)
         self.base_gap_se = gap_error(self.base_groups, self.floors)
-        return fit
+
+    def is_usable(self):
+        """Return whether there is enough to fit and to hold out."""
+        return self.why_unusable() is None
+
+    def why_unusable(self):
+        """Return a sentence that says why nothing can be diagnosed, None where it can."""
+        if not self.train and not self.test:
+            return "no plate of the rig could be measured in any capture (none in view, or black, or saturated)"
+        if not self.train or not self.test:
+            return "too few stations show plates: nothing could be held out"
+        return None
+
+    def restore(self, record):
+        """Take up the base that an earlier job fitted: effects, poses, and which effects the user fixed."""
+        self.effects = [(n, p) for n, p in record["effects"]]
+        self.fixed = {n for n, _ in self.effects} - {key.split(".")[0] for key in record["errors"]}
+        self.poses = np.array(record["poses"])
+        self._score_base()
 
     def promise(self, effect):
         """Return the training loss that an effect could gain, to first order, from the best of its starts.
@@ -177,7 +232,7 @@ class Diagnosis:
         predictions, _ = self.fitter.start(effects, self.poses, indices)
         groups = self.fitter.residuals_of(effects, self.poses, predictions, indices)
         nu = NU * width_of(groups) ** 2
-        H, g, _ = self.fitter.normal_equations(effects, free, self.poses, predictions, groups, indices, nu)
+        H, g, _ = self.fitter.normal_equations(effects, free, self.poses, predictions, groups, indices, nu, start_step)
         scale = np.sqrt(np.maximum(np.diag(H), 1e-12))
         g, H = g / scale, H / np.outer(scale, scale)
         gain = float(g @ np.linalg.lstsq(H + 1e-6 * np.eye(len(g)), g, rcond=None)[0])
@@ -398,14 +453,11 @@ def _difference(case, capture, a, b):
     for k in range(6):
         h = np.zeros(6)
         h[k] = 1e-5
-        J.append(
-            (case.corners_of(capture, a, h).reshape(-1, 8)[inside].ravel() - pixels[0][inside].ravel()) / 1e-5
-        )
+        J.append((case.corners_of(capture, a, h).reshape(-1, 8)[inside].ravel() - pixels[0][inside].ravel()) / 1e-5)
     J = np.stack(J, axis=1) / 0.05
     prior = np.where(np.isfinite(case.sigma_pose), 1 / case.sigma_pose**2, 0)
     d = d - J @ np.linalg.solve(J.T @ J + np.diag(prior + 1e-9), J.T @ d)
     images = [
-        case.image_of(case.radiance_of(capture, effects, zero), capture, effects, zero).mean()
-        for effects in (a, b)
+        case.image_of(case.radiance_of(capture, effects, zero), capture, effects, zero).mean() for effects in (a, b)
     ]
     return np.sqrt((d**2).mean()) + abs(images[0] - images[1])

@@ -90,9 +90,7 @@ class Whitener:
         covariance = covariance + np.diag(FEATURE_FLOOR**2)
         self.lower_inverse = np.linalg.inv(np.linalg.cholesky(covariance)) if len(info) else covariance
         corner_covariance = covariance[:, :8, :8]
-        self.corner_inverse = (
-            np.linalg.inv(np.linalg.cholesky(corner_covariance)) if len(info) else corner_covariance
-        )
+        self.corner_inverse = np.linalg.inv(np.linalg.cholesky(corner_covariance)) if len(info) else corner_covariance
         sd = np.sqrt(np.array([np.diag(c) for c in covariance])).reshape(-1, 18)
         self.feature_sd = sd
         self.colour_sd = np.hypot(
@@ -170,9 +168,7 @@ class Fitter:
         field, _ = field_levels(grey.astype(np.float64), o.classes)
         noise = None
         if self.noise_of[i]:
-            rng = np.random.default_rng(
-                seed_of(case.campaign, case.camera, capture.view.capture, "fit noise")
-            )
+            rng = np.random.default_rng(seed_of(case.campaign, case.camera, capture.view.capture, "fit noise"))
             noisy = case.image_of(radiance, capture, effects, delta, rng)
             corners = features[:, :8].reshape(-1, 4, 2)
             outlines = case.corners_of(capture, effects, delta, case.scene_of(effects)[1].outlines)
@@ -228,12 +224,8 @@ class Fitter:
                 for k in range(len(free)):
                     h = np.zeros(len(free))
                     h[k] = steps[k]
-                    high = self.corner_residuals(
-                        i, with_parameters(effects, free, theta + h), poses[i], offsets[i]
-                    )
-                    low = self.corner_residuals(
-                        i, with_parameters(effects, free, theta - h), poses[i], offsets[i]
-                    )
+                    high = self.corner_residuals(i, with_parameters(effects, free, theta + h), poses[i], offsets[i])
+                    low = self.corner_residuals(i, with_parameters(effects, free, theta - h), poses[i], offsets[i])
                     Jt[..., k] = -(high - low) / (2 * steps[k])
                 wy = (weight * y).reshape(-1)
                 Jp, Jt = Jp.reshape(y.size, 6), Jt.reshape(y.size, len(free))
@@ -334,8 +326,12 @@ class Fitter:
             width = max(1.0, width / 3)
         return Fit(State(effects, poses, offsets), total(groups, NU), covariance, converged)
 
-    def normal_equations(self, effects, free, poses, predictions, groups, train, nu):
-        """Return (H, g, pose blocks) of a Gauss-Newton step of the free parameters, poses eliminated."""
+    def normal_equations(self, effects, free, poses, predictions, groups, train, nu, step_of=None):
+        """Return (H, g, pose blocks) of a Gauss-Newton step of the free parameters, poses eliminated.
+
+        ``step_of`` (parameter, value) -> step of derivatives by images; gap.fit.image_step where None.
+        """
+        step_of = step_of or image_step
         k = len(free)
         H, g, blocks = np.zeros((k, k)), np.zeros(k), []
         for i in train:
@@ -343,7 +339,7 @@ class Fitter:
             weight = 1 / (1 + y * y / nu)
             Jt = np.zeros((len(y), k))
             for n, f in enumerate(free):
-                Jt[:, n] = self._column(i, effects, f, poses[i], predictions[i], groups[i])
+                Jt[:, n] = self._column(i, effects, f, poses[i], groups[i], step_of)
             Jp = self._pose_columns(i, effects, poses[i], groups[i])
             wJp = weight[:, None] * Jp
             A = Jp.T @ wJp + 1e-9 * np.eye(6)
@@ -354,7 +350,7 @@ class Fitter:
             blocks.append((i, A, b, C))
         return H, g, blocks
 
-    def _column(self, i, effects, parameter, delta, prediction, groups):
+    def _column(self, i, effects, parameter, delta, groups, step_of):
         """Return d (twin, whitened) / d parameter: by the exact point map where it only moves points, else by images."""
         w = self.whiteners[i]
         if is_geometric(parameter):
@@ -365,7 +361,7 @@ class Fitter:
             low = self.case.corners_of(capture, with_parameters(effects, [parameter], [value - h]), delta)
             d = np.nan_to_num((high - low).reshape(-1, 8)[w.plates] / (2 * h))
             return self._spread_corners(w, d[..., None], groups)[:, 0]
-        h = image_step(parameter, get_parameter(effects, parameter))
+        h = step_of(parameter, get_parameter(effects, parameter))
         moved = with_parameters(effects, [parameter], [get_parameter(effects, parameter) + h])
         other = self.predict(i, moved, delta)
         changed = self.residual_vector(i, effects, delta, other)
@@ -387,9 +383,7 @@ class Fitter:
         y = np.einsum("pij,pjk->pik", w.lower_inverse, full)
         parts = {"corners": y[:, :8], "levels": y[:, 8:13], "edges": y[:, 13:]}
         blocks = [
-            parts[g].reshape(-1, k) if g in parts else np.zeros((groups[g].size, k))
-            for g in GROUPS
-            if g in groups
+            parts[g].reshape(-1, k) if g in parts else np.zeros((groups[g].size, k)) for g in GROUPS if g in groups
         ]
         return np.concatenate(blocks)
 

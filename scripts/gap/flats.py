@@ -228,12 +228,7 @@ def _shared_pattern(a, b, classes_a, classes_b):
     for c in range(w - 1):
         sum_a, sum_b, n = 0.0, 0.0, 0
         for r in range(h):
-            if (
-                classes_a[r, c] == 1
-                and classes_a[r, c + 1] == 1
-                and classes_b[r, c] == 1
-                and classes_b[r, c + 1] == 1
-            ):
+            if classes_a[r, c] == 1 and classes_a[r, c + 1] == 1 and classes_b[r, c] == 1 and classes_b[r, c + 1] == 1:
                 da, db = a[r, c + 1] - a[r, c], b[r, c + 1] - b[r, c]
                 out[0, 0] += da * db
                 out[0, 1] += 1
@@ -246,12 +241,7 @@ def _shared_pattern(a, b, classes_a, classes_b):
     for r in range(h - 1):
         sum_a, sum_b, n = 0.0, 0.0, 0
         for c in range(w):
-            if (
-                classes_a[r, c] == 1
-                and classes_a[r + 1, c] == 1
-                and classes_b[r, c] == 1
-                and classes_b[r + 1, c] == 1
-            ):
+            if classes_a[r, c] == 1 and classes_a[r + 1, c] == 1 and classes_b[r, c] == 1 and classes_b[r + 1, c] == 1:
                 sum_a += a[r + 1, c] - a[r, c]
                 sum_b += b[r + 1, c] - b[r, c]
                 n += 1

@@ -184,11 +184,7 @@ def classify_flats(shape, corners, measured, outlines, view, codes, band=30.0):
     """Return the class of each pixel (H, W); plates that were not measured are left out by their outlines (p, 4, 2)."""
     outlines = outlines[~measured]
     outlines = outlines[np.isfinite(outlines).all((1, 2))]
-    boxes = (
-        np.concatenate([outlines.min(1) - 14, outlines.max(1) + 14], axis=1)
-        if len(outlines)
-        else np.zeros((0, 4))
-    )
+    boxes = np.concatenate([outlines.min(1) - 14, outlines.max(1) + 14], axis=1) if len(outlines) else np.zeros((0, 4))
     boxes = np.clip(boxes, -1e6, 1e6)
     return flat_classes(
         shape, np.nan_to_num(np.ascontiguousarray(corners)), measured, codes.half_code, codes.half_plate,
@@ -211,9 +207,7 @@ def observe(image, starts, outlines, wanted, view, codes, radii, classes=None):
         classes = classify_flats(grey.shape, corners, measured, outlines, view, codes)
     field, field_n = field_levels(grey.astype(np.float64), classes)
     noise, noise_se = observe_noise(image, classes)
-    return Observation(
-        features, information, measured, misfit, colour, classes, field, field_n, noise, noise_se
-    )
+    return Observation(features, information, measured, misfit, colour, classes, field, field_n, noise, noise_se)
 
 
 def observe_noise(image, classes):

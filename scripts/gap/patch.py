@@ -127,11 +127,7 @@ def _expand(image, corners, half_code, half_plate, rectangles, levels, shifts, l
     model = np.empty((h, w))
     for r in range(h):
         for k in range(w):
-            lin = (
-                ground_level
-                + (white_level - ground_level) * plate[r, k]
-                + (black_level - white_level) * black[r, k]
-            )
+            lin = ground_level + (white_level - ground_level) * plate[r, k] + (black_level - white_level) * black[r, k]
             model[r, k] = _encode(lin, lut)
     contrast = _encode(white_level, lut) - _encode(black_level, lut) + shifts[0] - shifts[1]
     inverse = np.linalg.inv(H)
@@ -168,9 +164,7 @@ def _expand(image, corners, half_code, half_plate, rectangles, levels, shifts, l
             centre = smooth[r, k]
             B[13, r, k] = 0.5 * (smooth[r, right] - 2 * centre + smooth[r, left])
             B[14, r, k] = 0.5 * (smooth[down, k] - 2 * centre + smooth[up, k])
-            B[15, r, k] = 0.25 * (
-                smooth[down, right] - smooth[down, left] - smooth[up, right] + smooth[up, left]
-            )
+            B[15, r, k] = 0.25 * (smooth[down, right] - smooth[down, left] - smooth[up, right] + smooth[up, left])
             B[16, r, k] = centre - wide[r, k]
             bx = 0.5 * (black[r, right] - black[r, left])
             by = 0.5 * (black[down, k] - black[up, k])

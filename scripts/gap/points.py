@@ -69,8 +69,7 @@ def _pose_columns(v, focal, effects, delta, sigma):
         h = np.zeros(6)
         h[k] = 1e-6
         columns.append(
-            -(residuals(v, focal, effects, delta + h, sigma) - residuals(v, focal, effects, delta - h, sigma))
-            / 2e-6
+            -(residuals(v, focal, effects, delta + h, sigma) - residuals(v, focal, effects, delta - h, sigma)) / 2e-6
         )
     return np.stack(columns, axis=1)
 
@@ -124,9 +123,7 @@ def fit(views, effects, free, focal, poses, sigma, fit_focal=True, iterations=25
             if not fit_focal:
                 d[0] = 0
             d = np.clip(theta + d, lower, upper) - theta
-            moved = np.array(
-                [p + np.linalg.solve(A, b - C @ d) for p, (A, b, C) in zip(poses, blocks, strict=True)]
-            )
+            moved = np.array([p + np.linalg.solve(A, b - C @ d) for p, (A, b, C) in zip(poses, blocks, strict=True)])
             if total(theta + d, moved, nu) <= loss * (1 + 1e-9):
                 break
             damping = max(damping, 1e-4) * 10

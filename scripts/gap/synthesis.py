@@ -172,9 +172,7 @@ def ground_points(view, map_points):
     grid_x, grid_y = np.meshgrid(fine_x, fine_y)
     u = cv2.remap(ideal[..., 0].astype(np.float32), grid_x, grid_y, cv2.INTER_LINEAR)
     v = cv2.remap(ideal[..., 1].astype(np.float32), grid_x, grid_y, cv2.INTER_LINEAR)
-    rays = np.stack(
-        [(u - view.K[0, 2]) / view.K[0, 0], (v - view.K[1, 2]) / view.K[1, 1], np.ones_like(u)], -1
-    )
+    rays = np.stack([(u - view.K[0, 2]) / view.K[0, 0], (v - view.K[1, 2]) / view.K[1, 1], np.ones_like(u)], -1)
     R, t = view.T_cam_world[:3, :3], view.T_cam_world[:3, 3]
     centre = -R.T @ t
     rays = rays @ R

@@ -47,9 +47,7 @@ def plate_gaps(case, effects, poses, predictions):
                 "station": view.station,
                 "plate": [case.scene.plates[j].name for j in k],
                 "distance_m": distance,
-                "incidence_deg": np.degrees(
-                    np.arccos(np.clip(-(in_camera * normal).sum(1) / distance, -1, 1))
-                ),
+                "incidence_deg": np.degrees(np.arccos(np.clip(-(in_camera * normal).sum(1) / distance, -1, 1))),
                 "image_radius": radius / np.hypot(view.width, view.height) * 2,
                 "azimuth_deg": np.degrees(np.arctan2(from_axis[:, 1], from_axis[:, 0])),
                 "row_px": centre[:, 1],

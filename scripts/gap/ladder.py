@@ -1,0 +1,167 @@
+"""The ladder: the twins of one camera in the order in which effects were added, each with its held-out errors.
+
+Errors are taken at each capture's own pose, estimated under its prior, and compared with what real repeats of a twin
+(another draw of noise) or repeats of a station would show: the floor.
+"""
+
+import numpy as np
+from detectors import contract
+
+from gap.observe import wholly_inside
+from job import seed_of
+from rig.geometry import rotation_angle_deg
+from scipy.spatial.transform import Rotation
+
+MEASURES = (
+    "corner_rmse_px", "intensity_rmse_dn", "detection_disagreement_pct", "delta_distance_cm", "delta_rotation_deg", "gap",
+)  # fmt: skip
+COLUMNS = (
+    "step", "effect", *MEASURES, *(f"{m}_floor" for m in MEASURES), *(f"{m}_low" for m in MEASURES),
+    *(f"{m}_high" for m in MEASURES),
+)  # fmt: skip
+DETECTOR = "aruco"
+RESAMPLES = 400
+
+
+def rungs(diagnosis, twins, images, floors):
+    """Return one dict a twin [(effect, effects, poses or None)]: held-out errors, their floors and 95 % intervals.
+
+    images {capture index: real image (H, W, C), red first, grey levels}.
+    """
+    case = diagnosis.case
+    finder = Finder(case)
+    real = {i: finder.find(images[i]) for i in images}
+    rows, control = [], None
+    for step, (effect, effects, poses) in reversed(list(enumerate(twins))):
+        poses, groups = diagnosis.fitter.score(effects, diagnosis.poses if poses is None else poses, list(images))
+        parts = {
+            i: capture_errors(diagnosis, finder, effects, poses[i], i, images[i], real[i], groups[i]) for i in images
+        }
+        if control is None:  # the last twin: what a re-noised copy of it differs by from itself
+            control = control_errors(diagnosis, finder, effects, poses, images, floors)
+        row = {"step": step, "effect": effect}
+        row |= {m: summary(parts, m, floors) for m in MEASURES}
+        row |= {f"{m}_floor": control[m] for m in MEASURES}
+        for m in MEASURES:
+            row[f"{m}_low"], row[f"{m}_high"] = interval(parts, m, floors, f"{case.campaign}/{case.camera}/{step}/{m}")
+        rows.append(row)
+    return sorted(rows, key=lambda r: r["step"])
+
+
+def capture_errors(diagnosis, finder, effects, delta, i, image, real, groups):
+    """Return the raw errors of one held-out capture under a twin."""
+    case, capture = diagnosis.case, diagnosis.case.captures[i]
+    prediction = diagnosis.fitter.predict(i, effects, delta)
+    o = capture.observation
+    both = o.measured & prediction.measured
+    corners = (o.features[both, :8] - prediction.features[both, :8]).reshape(-1, 2)
+    radiance = diagnosis.fitter.radiance(i, effects, delta)
+    expected = case.image_of(radiance, capture, effects, delta)
+    rng = np.random.default_rng(seed_of(case.campaign, case.camera, capture.view.capture, "ladder"))
+    noisy = case.image_of(radiance, capture, effects, delta, rng)
+    twin = finder.find(noisy)
+    truth = case.corners_of(capture, effects, delta)
+    available = wholly_inside(truth, capture.view.width, capture.view.height, border=0.0)
+    return {
+        "corners": (corners**2).sum(1),
+        "intensity": ((image.mean(axis=2) - expected.mean(axis=2)) ** 2).mean(),
+        "groups": groups,
+        **finder.compare(real, twin, available),
+    }
+
+
+def control_errors(diagnosis, finder, effects, poses, images, floors):
+    """Return the floor of each measure: noise of the corners and levels, and a twin against its re-noised self."""
+    case, compared, corner, level = diagnosis.case, {}, [], []
+    for i in images:
+        capture, o = case.captures[i], case.captures[i].observation
+        radiance = diagnosis.fitter.radiance(i, effects, poses[i])
+        pair = []
+        for draw in ("a", "b"):
+            rng = np.random.default_rng(seed_of(case.campaign, case.camera, capture.view.capture, "control", draw))
+            pair.append(finder.find(case.image_of(radiance, capture, effects, poses[i], rng)))
+        truth = case.corners_of(capture, effects, poses[i])
+        available = wholly_inside(truth, capture.view.width, capture.view.height, border=0.0)
+        compared[i] = finder.compare(*pair, available)
+        sd = diagnosis.fitter.whiteners[i].feature_sd
+        if len(sd):
+            corner.append((sd[:, :8] ** 2).reshape(-1, 2).sum(1))
+        level.append(capture.noise_variance)
+    out = {m: summary(compared, m, floors) for m in MEASURES[2:5]}
+    out["corner_rmse_px"] = float(np.sqrt(np.concatenate(corner).mean()) * floors.get("corners", 1.0)) if corner else None
+    out["intensity_rmse_dn"] = float(np.sqrt(np.mean(level)))
+    out["gap"] = 1.0
+    return out
+
+
+def summary(parts, measure, floors):
+    """Return one measure over captures {index: errors}; NaN where nothing was compared."""
+    from gap.diagnose import overall_gap
+
+    parts = list(parts.values())
+    if measure == "gap":
+        return overall_gap({k: p["groups"] for k, p in enumerate(parts)}, floors)
+    if measure == "corner_rmse_px":
+        values = np.concatenate([p["corners"] for p in parts])
+        return float(np.sqrt(values.mean())) if len(values) else float("nan")
+    if measure == "intensity_rmse_dn":
+        return float(np.sqrt(np.mean([p["intensity"] for p in parts])))
+    if measure == "detection_disagreement_pct":
+        n = sum(p["available"] for p in parts)
+        return 100 * sum(p["disagree"] for p in parts) / n if n else float("nan")
+    key = {"delta_distance_cm": "distance", "delta_rotation_deg": "rotation"}[measure]
+    values = np.concatenate([p[key] for p in parts])
+    return float(np.mean(values)) if len(values) else float("nan")
+
+
+def interval(parts, measure, floors, seed):
+    """Return the 95 % percentile interval of a measure by resampling captures."""
+    rng = np.random.default_rng(seed_of(seed))
+    keys = list(parts)
+    draws = [summary({n: parts[k] for n, k in enumerate(rng.choice(keys, len(keys)))}, measure, floors) for _ in range(RESAMPLES)]
+    draws = np.array(draws)[np.isfinite(draws)]
+    return tuple(np.percentile(draws, [2.5, 97.5])) if len(draws) else (float("nan"), float("nan"))
+
+
+class Finder:
+    """OpenCV's ArUco as it comes, on real and twin alike: which of the rig's codes, and their poses."""
+
+    def __init__(self, case):
+        self.case = case
+        self.index = {p.name: k for k, p in enumerate(case.scene.plates)}
+        dictionaries = sorted({name.split("/")[0] for name in self.index})
+        self.detector = contract.make(DETECTOR, dictionaries)
+        self.K = case.captures[0].view.K
+
+    def find(self, image):
+        """Return {plate index: [(R (3, 3), t (3,)), ...] both planar poses} of a grey-level image (H, W, C)."""
+        grey = np.clip(np.rint(image.mean(axis=2)), 0, 255).astype(np.uint8)
+        found = {}
+        for d in self.detector.detect(grey):
+            k = self.index.get(f"{d.dictionary}/{d.id}")
+            if k is not None:
+                code_m = 2 * self.case.codes.half_code[k]
+                found[k] = [
+                    (Rotation.from_rotvec(np.ravel(r)).as_matrix(), np.ravel(t))
+                    for r, t, _ in contract.estimate_poses(d.corners, code_m, self.K)
+                ]
+        return found
+
+    @staticmethod
+    def compare(real, twin, available):
+        """Return counts and pose differences of two findings; of planar ambiguities the closest pair counts."""
+        wanted = np.flatnonzero(available)
+        disagree = sum((k in real) != (k in twin) for k in wanted)
+        distance, rotation = [], []
+        for k in wanted:
+            if real.get(k) and twin.get(k):
+                pairs = [(rotation_angle_deg(a[0], b[0]), a, b) for a in real[k] for b in twin[k]]
+                angle, a, b = min(pairs, key=lambda p: p[0])
+                rotation.append(angle)
+                distance.append(100 * abs(np.linalg.norm(a[1]) - np.linalg.norm(b[1])))
+        return {
+            "available": len(wanted),
+            "disagree": disagree,
+            "distance": np.array(distance),
+            "rotation": np.array(rotation),
+        }
