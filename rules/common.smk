@@ -17,7 +17,6 @@ from rig.campaign import load_campaign
 from rig.config import check_choice, check_config
 from rig.errors import InputError
 from rig.experiment import load_experiment
-from snakemake.exceptions import WorkflowError
 from verify_data import tracked_listing, tracked_md5
 
 LOCK = "envs/twingap.lock.txt"
@@ -25,23 +24,23 @@ DVC_STORES = [".dvc/cache", "data/dvc-remote"]
 
 
 def checked():
-    """Return (configuration, campaign or designed experiment); one message where either is wrong."""
+    """Return (configuration, campaign or designed experiment); end with one message where either is wrong."""
     try:
-        values = dict(config)
-        if values.get("experiment") and "campaign" not in explicit_keys():
-            values["campaign"] = None
-        done = check_config(values)
+        done = check_config(dict(config))
         check_names(done)
-        source = (
-            load_campaign(done["campaign"])
-            if done["campaign"]
-            else load_experiment(done["experiment"])
-        )
+        if done["campaign"]:
+            return done, load_campaign(done["campaign"])
+        return done, load_experiment(done["experiment"])
     except InputError as error:
-        raise WorkflowError(str(error)) from None
+        end_with(error)
     except OSError as error:
-        raise WorkflowError(f"{error.filename}: {error.strerror}") from None
-    return done, source
+        end_with(f"{error.filename}: {error.strerror}")
+
+
+def end_with(message):
+    """End before any job: one message, exit status 1, and no traceback as from an exception."""
+    print(f"error: {message}", file=sys.stderr)
+    sys.exit(1)
 
 
 def check_names(done):
@@ -62,11 +61,6 @@ def available_effects():
     from effects import pipeline
 
     return pipeline.available_effects()
-
-
-def explicit_keys():
-    """Return the configuration's keys that were given on the command line."""
-    return set(workflow.overwrite_config)
 
 
 def locked(*packages):
@@ -209,7 +203,7 @@ def twin_effects(camera, *stages):
         effects = load_twin(f"config/twins/{NAME}/{camera}.yaml").effects
         found = available_effects()
     except InputError as error:
-        raise WorkflowError(str(error)) from None
+        end_with(error)
     return [[n, p] for n, p in effects if not stages or found[n].STAGE in stages]
 
 

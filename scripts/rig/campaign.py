@@ -316,7 +316,7 @@ def load_campaign(folder):
     try:
         file = CampaignFile.model_validate(load_yaml(path))
     except ValidationError as error:
-        raise InputError(validation_message(path, error)) from None
+        raise InputError(validation_message(path, error, CampaignFile)) from None
     captures = read_captures(inside(folder, file.captures, f"{path}: captures"), folder, file.cameras)
     markers = pd.DataFrame(columns=["dictionary", "id", "code_m", "plate_m", "x", "y", "z", "rx", "ry", "rz"])
     if file.markers:

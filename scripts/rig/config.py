@@ -4,16 +4,29 @@ The commented default (config/config.default.yaml), the JSON schema and the tabl
 from them by ``python scripts/generate_config.py``.
 """
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from rig.campaign import Strict
 from rig.errors import InputError
 from rig.safe_yaml import validation_message
 
 
-class Render(Strict):
+def _null(value):
+    return None if value in ("null", "None", "") else value
+
+
+# The command line's `--config campaign=null` arrives as text.
+MaybePath = Annotated[str | None, BeforeValidator(_null)]
+
+
+class Settings(BaseModel):
+    """No unknown keys, no NaN. Text is read as numbers where they are meant: so values of --config arrive."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, coerce_numbers_to_str=True)
+
+
+class Render(Settings):
     """Blender: linear radiance of every station."""
 
     device: Literal["cpu", "gpu"] = Field("cpu", description="gpu is used where Blender finds one, else the CPU")
@@ -26,13 +39,13 @@ class Render(Strict):
     threads: int = Field(1, ge=1, le=256, description="threads of one render job")
 
 
-class Aggregate(Strict):
+class Aggregate(Settings):
     """Tables 1 and 2."""
 
     reference_detector: str = Field("aruco", description="whose detections Table 1 counts")
 
 
-class Diagnose(Strict):
+class Diagnose(Settings):
     """Which effect is missing."""
 
     candidates: list[str] = Field(
@@ -41,12 +54,13 @@ class Diagnose(Strict):
     most_steps: int = Field(6, ge=1, le=20, description="effects that a climb adds at most")
 
 
-class Config(Strict):
+class Config(Settings):
     """config.yaml"""
 
-    campaign: str | None = Field("data/raw/frame", description="folder of measurements; see docs/campaign-format.md")
-    experiment: str | None = Field(
-        None, description="a designed experiment without photographs, in place of a campaign: config/experiments/*.yaml"
+    campaign: MaybePath = Field("data/raw/frame", description="folder of measurements; see docs/campaign-format.md")
+    experiment: MaybePath = Field(
+        None,
+        description="a designed experiment without photographs, in the campaign's place: config/experiments/*.yaml",
     )
     seed: str = Field("twingap", max_length=64, description="enters every random number, together with names")
     detectors: dict[str, dict] = Field(
@@ -59,13 +73,18 @@ class Config(Strict):
 
 
 def check_config(data):
-    """Return the configuration (dict) with defaults filled in; raises InputError naming key, value, what is allowed."""
+    """Return the configuration (dict) with defaults filled in; an experiment takes the campaign's place.
+
+    Raises InputError naming key, value and what is allowed.
+    """
     try:
         config = Config.model_validate(data)
     except ValidationError as error:
-        raise InputError(validation_message("configuration", error)) from None
-    if (config.campaign is None) == (config.experiment is None):
-        raise InputError("configuration: give either campaign or experiment (the other null)")
+        raise InputError(validation_message("configuration", error, Config)) from None
+    if config.experiment:
+        config.campaign = None
+    elif not config.campaign:
+        raise InputError("configuration: neither campaign nor experiment names a folder or file")
     check_choice("aggregate.reference_detector", [config.aggregate.reference_detector], config.detectors)
     return config.model_dump()
 

@@ -194,7 +194,7 @@ def _model(kind, path):
     try:
         return kind.model_validate(load_yaml(path))
     except ValidationError as error:
-        raise InputError(validation_message(path, error)) from None
+        raise InputError(validation_message(path, error, kind)) from None
 
 
 def load_experiment(path):

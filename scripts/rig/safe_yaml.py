@@ -1,12 +1,15 @@
 """Read YAML from strangers: plain data only, duplicate keys refused, one message that names file and line."""
 
 from pathlib import Path
+from typing import get_args
 
 import yaml
+from pydantic import BaseModel
 
 from rig.errors import InputError
 
 LARGEST_BYTES = 1_000_000
+LONGEST_SHOWN = 80
 
 
 class _PlainLoader(yaml.SafeLoader):
@@ -55,12 +58,27 @@ def load_yaml(path):
     return data
 
 
-def validation_message(path, error):
-    """Return one line for a pydantic ValidationError: file, key, value, what is wrong."""
+def validation_message(path, error, model):
+    """Return one line for a pydantic ValidationError of ``model``: file, key, value, what is wrong, what is allowed."""
     first = error.errors()[0]
     key = ".".join(str(part) for part in first["loc"]) or "(top)"
     value = first.get("input")
-    shown = "" if isinstance(value, dict | list) else f" is {value!r}"
+    shown = "" if isinstance(value, dict | list) else f" is {str(value)[:LONGEST_SHOWN]!r}"
     message = first["msg"].removeprefix("Value error, ")
+    if first["type"] == "extra_forbidden":
+        message = f"unknown key; known: {', '.join(_known_keys(model, first['loc'][:-1]))}"
+        shown = ""
     more = f" (and {len(error.errors()) - 1} more)" if len(error.errors()) > 1 else ""
     return f"{path}: {key}{shown}: {message}{more}"
+
+
+def _known_keys(model, loc):
+    """Return the keys of the model at a place inside ``model``."""
+    for part in loc:
+        if isinstance(model, type) and issubclass(model, BaseModel):
+            names = {field.alias or name: field.annotation for name, field in model.model_fields.items()}
+            model = names[part]
+        else:
+            model = get_args(model)[-1]  # the values of a dict or list
+        model = next((a for a in get_args(model) if isinstance(a, type) and issubclass(a, BaseModel)), model)
+    return [field.alias or name for name, field in model.model_fields.items()]
