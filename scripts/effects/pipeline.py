@@ -1,8 +1,8 @@
 """Image formation: from Blender's linear radiance through the effects, in physical order, to grey levels.
 
-linear radiance -> lens (points move once, one resampling; blur, shading, glare) -> shutter -> sensor (exposure, pattern,
-noise, mosaic, clipping) -> encoding to 0..255 -> the campaign's declared noise -> processing (balance, curve, sharpening,
-denoising, JPEG) -> crop. Noise comes before processing because a camera's chip sharpens and compresses noisy images.
+linear radiance -> lens (points move once, one resampling; blur, shading, glare) -> shutter -> sensor (exposure,
+pattern, noise, mosaic, clipping) -> encoding to 0..255 -> the campaign's declared noise -> processing (balance, curve,
+denoising, sharpening, JPEG) -> crop. Why this order: docs/effects.md.
 """
 
 import functools
@@ -162,10 +162,9 @@ def resample(image, view, chosen):
     for channel in channels:
         x, y = source_map(view, chosen, channel)
         _check_margin(x, y, view)
-        planes.append(sample(image[..., min(channel, image.shape[2] - 1)] if len(channels) > 1 else image, x, y))
-    if len(planes) == 1:
-        return planes[0]
-    return np.concatenate([p.reshape(*p.shape[:2], 1) for p in planes], axis=-1)
+        source = min(channel, image.shape[2] - 1)
+        planes.append(sample(image[..., source : source + 1] if len(channels) > 1 else image, x, y))
+    return planes[0] if len(planes) == 1 else np.concatenate(planes, axis=-1)
 
 
 def source_map(view, chosen, channel):

@@ -1,4 +1,4 @@
-"""At null parameters an effect must change nothing, bit for bit, else it would win or lose a fit by its own rounding."""
+"""At null parameters an effect changes nothing, bit for bit, else it would win or lose a fit by its own rounding."""
 
 import numpy as np
 import pytest
@@ -62,7 +62,7 @@ def test_pixels_stay(name, channels, seeded):
 
 @pytest.mark.parametrize("name", list(EFFECTS))
 def test_formed_image_is_the_base(name):
-    """Through the whole chain, noise drawn from the same seed, the effect at its null is not to be told from no effect."""
+    """Through the whole chain, noise drawn from the same seed, an effect at its null is no effect."""
     v = view()
     radiance = noise_image(1, v, high=1.0)[..., 0]
     base = pipeline.form_image(radiance, v, [], 1.5, np.random.default_rng(3))
