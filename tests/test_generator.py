@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import yaml
 from PIL import Image
+from rig.campaign import load_campaign
 
 sys.path.insert(0, str(Path(__file__).parent / "bench"))
 
@@ -255,6 +256,7 @@ def test_a_campaign_is_complete_and_tells_nothing(tmp_path):
     folders = sorted(p for p in out.iterdir())
     assert len(folders) == 2
     for folder in folders:
+        assert load_campaign(folder).file.name == folder.name  # the project's own reader finds no fault
         settings = yaml.safe_load((folder / "campaign.yaml").read_text())
         assert settings["name"] == folder.name and settings["schema"] == 1
         ((name, camera),) = settings["cameras"].items()
