@@ -26,8 +26,8 @@ class OpenCvDetector:
     def detect(self, image):
         """Return the Detections of an image (grey or colour, see contract.grey_image)."""
         grey = grey_image(image)
-        if min(grey.shape) < 3:
-            return []  # smaller than any marker; OpenCV's thresholding asks for 3 pixels
+        if min(grey.shape) < 8 or max(grey.shape) < 24:
+            return []  # smaller than any marker; OpenCV raises, or aruco3 shrinks it to nothing
         if self.together:
             corners, ids, _, which = self.detectors[0].detectMarkersMultiDict(grey)
             which = [] if ids is None else np.ravel(which)

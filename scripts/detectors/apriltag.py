@@ -35,14 +35,22 @@ class AprilTagDetector:
         if min(grey.shape) < 8:
             return []  # smaller than any tag
         found = self.detector.detect(grey)
-        # The library counts corners anticlockwise from the bottom left and puts pixel centres at 0.5.
+        # The library counts corners the other way round from another corner and puts pixel centres at 0.5.
         return [
-            Detection(self.names[d.tag_family.decode()], d.tag_id, np.asarray(d.corners)[::-1] - 0.5) for d in found
+            Detection(
+                self.names[d.tag_family.decode()],
+                d.tag_id,
+                np.roll(np.asarray(d.corners)[::-1], 2, axis=0) - 0.5,
+            )
+            for d in found
         ]
 
 
 def make_detector(dictionaries, decimate=2.0, threads=1):
-    """Return the detector; InputError where the package is missing, ValueError where no dictionary is a family of it."""
+    """Return the detector.
+
+    Raises InputError where the package is missing, ValueError where no dictionary is one of its families.
+    """
     try:
         import pupil_apriltags
     except ImportError:

@@ -20,7 +20,7 @@ from detectors.bart.codes import (
     read_word,
 )
 from detectors.bart.edges import identity, move_sides, refine_quad, spread_of_white, srgb_to_linear
-from detectors.bart.quads import find_quads, search_boxes
+from detectors.bart.quads import RETRY_PX, find_quads, search_boxes
 from detectors.contract import Detection, grey_image
 
 PARAMETERS = {
@@ -46,14 +46,18 @@ PARAMETERS = {
     # Corners fitted to the edges; False leaves them as the search found them: faster, ten times less exact.
     "exact_corners": True,
     # Light behind the grey levels: "srgb" or "linear", or "auto": the one of the two in which white spreads less
-    # over black within the codes of this image, then all sides moved by what is left of it. "auto" takes out tone curves and ink spread alike, so
-    # that corners are those of the design; the others keep what the print and the camera really show.
+    # over black within the codes of this image, then all sides moved by what is left of it. "auto" takes out tone
+    # curves and ink spread alike, so that corners are those of the design; the others keep what print and camera
+    # really show.
     "light": "auto",
 }
 
 SMALL_MODULE_PX = 4.0  # below it a marker's cells mix, and codes are compared as they look when blurred
 WEAK_SHARE = 0.125  # of the pairs of paper and frame that may lack contrast: an occlusion, a shadow
 WEAK_SHARE_SMALL = 0.25  # the same for small markers, whose looks are compared as a whole anyway
+BLURRED_MODULE_PX = 3.0  # below it a bit's own level says little
+SURE_BIT = 0.3  # half contrasts from the threshold: a small marker all of whose bits are as sure is read as it is
+LARGEST_MISS = 0.4  # contrasts, of one cell: a bit that is not the code's
 LARGEST_MISFIT = 0.13  # contrasts, RMS over all cells: more, and no code explains what is seen
 LEAST_LEAD = 1.35  # misfit of the next code over that of the best: less, and either may be meant
 LEAST_MODULE_PX = 5.0  # modules from which the spread of white is measured: smaller ones have no flat inside
@@ -63,14 +67,14 @@ OTHER_LIGHT_PX = 0.15  # a spread that no sRGB image with ink on paper shows: tr
 
 @njit(cache=True, nogil=True)
 def read_blurred(image, light, quad, size, words, owner, levels, plane, margins):
-    """Return (entry or NO_CODE, misfit, lead) of the code of a small marker, see codes.match_blurred."""
+    """Return (entry or NO_CODE, misfit, worst, lead) of a small marker's code, see codes.match_blurred."""
     read_levels(image, light, quad, size, levels)
     contrast = frame_contrast(levels, plane, 1e-3, WEAK_SHARE_SMALL)
     if contrast == 0:
-        return NO_CODE, 1e9, 0.0
+        return NO_CODE, 1e9, 1e9, 0.0
     word = read_word(levels, plane, contrast, 0.25, margins)
     across, down = cell_size(quad, size + 2)
-    return match_blurred(levels, across, down, word, words, owner, 5)
+    return match_blurred(levels, across, down, word, words, owner)
 
 
 @njit(cache=True, nogil=True)
@@ -96,23 +100,26 @@ def read_quads(image, grey, light, quads, size, words, owner, wrong_bits, least_
         if module == 0 or frame_contrast(levels, plane, 0.6 * least_contrast, weak) == 0:
             continue
         worked = refine_quad(image, light, quads[k], size, 2, refined)
+        read_levels(image, grey, refined, size, levels)
+        contrast = frame_contrast(levels, plane, least_contrast, weak)
         entry, wrong = NO_CODE, 0
-        if module > SMALL_MODULE_PX:
-            read_levels(image, grey, refined, size, levels)
-            contrast = frame_contrast(levels, plane, least_contrast, weak)
-            if contrast > 0 and frame_errors(levels, plane) <= 1:
-                word = read_word(levels, plane, contrast, 0.0, margins)
+        if contrast > 0 and module > BLURRED_MODULE_PX and frame_errors(levels, plane) <= 1:
+            word = read_word(levels, plane, contrast, 0.0, margins)
+            if module > SMALL_MODULE_PX:
                 entry, wrong = match_word(word, margins, words, owner, wrong_bits, most_wrong, 0.6)
-        else:
-            contrast = frame_contrast(levels, plane, least_contrast, weak)
-            entry, misfit, lead = read_blurred(image, light, quads[k], size, words, owner, levels, plane, margins)
+            elif np.abs(margins).min() > SURE_BIT:
+                entry, wrong = match_word(word, margins, words, owner, wrong_bits, 0, 0.6)
+        if contrast > 0 and module <= SMALL_MODULE_PX and entry == NO_CODE:
+            entry, misfit, worst, lead = read_blurred(
+                image, light, quads[k], size, words, owner, levels, plane, margins
+            )
             if worked:
                 other = read_blurred(image, light, refined, size, words, owner, levels, plane, margins)
                 if other[1] < misfit:
-                    entry, misfit, lead = other
+                    entry, misfit, worst, lead = other
                 else:
                     refined[:] = quads[k]
-            if contrast == 0 or misfit > LARGEST_MISFIT or lead < LEAST_LEAD:
+            if misfit > LARGEST_MISFIT or worst > LARGEST_MISS or lead < LEAST_LEAD:
                 entry = NO_CODE
         if entry == NO_CODE:
             continue
@@ -141,7 +148,8 @@ class Bart:
         grey = grey_image(image)
         if min(grey.shape) < 8:
             return []  # smaller than a marker's modules
-        return self.finish(grey, self.search(grey))
+        found = self.search(grey)
+        return self.finish(grey, found, self.light_of(grey, found))
 
     def search(self, grey):
         """Return the readable quads of an image, as a list of dicts: corners, name, id, wrong, contrast, size."""
@@ -163,7 +171,7 @@ class Bart:
         for method in ("mean", "otsu"):
             if self.p["threshold"] in (method, "both"):
                 quads, rest = self._quads(small, method)
-                found += self._read(grey, _to_full(quads, level))
+                found += self.read(grey, _to_full(quads, level))
                 boxes.append(rest)
         return found, np.concatenate(boxes)
 
@@ -180,7 +188,7 @@ class Bart:
                 np.float32(self.p["offset_dn"]),
                 self.p["contrast_dn"],
             )
-            more += self._read(grey, _to_full(quads, max(level - 1, 0)))
+            more += self.read(grey, _to_full(quads, max(level - 1, 0)))
             boxes = rest
         return more
 
@@ -203,7 +211,8 @@ class Bart:
         quads, boxes = find_quads(padded, padded.view(np.uint64), 6, max(h, w))
         return quads - 1, boxes - 1
 
-    def _read(self, grey, quads):
+    def read(self, grey, quads):
+        """Return the findings (dicts, see search) among quads (n, 4, 2), pixels of ``grey``."""
         found = []
         for group in self.groups:
             corners, owner, wrong, contrast = read_quads(
@@ -231,23 +240,45 @@ class Bart:
                 )
         return found
 
-    def finish(self, grey, found):
-        """Return Detections; where the light is unknown, with its part taken out of the corners."""
-        if found and self.p["exact_corners"] and self.p["light"] == "auto":
-            corners = np.stack([f["corners"] for f in found])
-            sizes = np.array([f["size"] for f in found])
-            spread = spread_of_white(grey, self.light, corners, sizes, LEAST_MODULE_PX, SPREAD_MARKERS)
-            if abs(spread) > OTHER_LIGHT_PX:
-                again = corners.copy()
-                for k in range(len(found)):
-                    refine_quad(grey, self.other_light, corners[k], sizes[k], 2, again[k])
-                other = spread_of_white(grey, self.other_light, again, sizes, LEAST_MODULE_PX, SPREAD_MARKERS)
-                if abs(other) < abs(spread):
-                    corners, spread = again, other
-            for f, c in zip(found, corners, strict=True):
-                move_sides(c, spread)
-                f["corners"] = c
-        return [Detection(f["name"], f["id"], f["corners"]) for f in found]
+    def search_near(self, grey, quad, reach):
+        """Return the findings in the box round a quad (4, 2), widened on each side by ``reach`` times its size."""
+        low, high = quad.min(axis=0), quad.max(axis=0)
+        pad = reach * (high - low).max() + 8
+        x0, y0 = np.maximum(np.floor(low - pad), 0).astype(int)
+        x1, y1 = np.minimum(np.ceil(high + pad) + 1, grey.shape[::-1]).astype(int)
+        if x1 - x0 < 8 or y1 - y0 < 8:
+            return []
+        level = int(self.p["multi_scale"] and (high - low).max() > 2 * RETRY_PX)
+        crop = grey[y0:y1, x0:x1]
+        quads, _ = self._quads(_halved(crop) if level else np.ascontiguousarray(crop), "mean")
+        return self.read(grey, _to_full(quads, level) + (x0, y0))
+
+    def light_of(self, grey, found):
+        """Return (light table (256,), spread of white in pixels) of an image, from its findings."""
+        if not (found and self.p["exact_corners"] and self.p["light"] == "auto"):
+            return self.light, 0.0
+        corners = np.stack([f["corners"] for f in found])
+        sizes = np.array([f["size"] for f in found])
+        spread = spread_of_white(grey, self.light, corners, sizes, LEAST_MODULE_PX, SPREAD_MARKERS)
+        if abs(spread) < OTHER_LIGHT_PX:
+            return self.light, spread
+        for k in range(len(found)):
+            refine_quad(grey, self.other_light, corners[k].copy(), sizes[k], 2, corners[k])
+        other = spread_of_white(grey, self.other_light, corners, sizes, LEAST_MODULE_PX, SPREAD_MARKERS)
+        return (self.other_light, other) if abs(other) < abs(spread) else (self.light, spread)
+
+    def finish(self, grey, found, light_and_spread):
+        """Return Detections whose corners are measured in that light, free of that spread (see light_of)."""
+        light, spread = light_and_spread or (self.light, 0.0)
+        detections = []
+        for f in found:
+            corners = f["corners"]
+            if light is not self.light:
+                refine_quad(grey, light, corners.copy(), f["size"], 2, corners)
+            if spread:
+                move_sides(corners, spread)
+            detections.append(Detection(f["name"], f["id"], corners))
+        return detections
 
 
 def _halved(grey):

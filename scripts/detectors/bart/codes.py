@@ -11,6 +11,8 @@ from numba import njit
 from rig.plates import aruco_dictionary
 
 NO_CODE = -1
+COMPETING_BITS = 5  # wrong bits up to which codes compete for a small marker
+BELIEVED_BITS = 2  # wrong bits that blur between small cells may explain
 
 
 def code_tables(names):
@@ -130,8 +132,9 @@ def cell_size(quad, n):
 def read_levels(image, light, quad, size, levels):
     """Write the light of the code's cells and of the paper round it, (size + 4, size + 4).
 
-    light (256,) is what each grey level stands for. The outermost ring lies a third of a module outside the black frame. Returns the thickness of the
-    thinnest row or column of cells in pixels, 0 for a degenerate quad. Levels outside the image are NaN.
+    light (256,) is what each grey level stands for. The outermost ring lies 0.38 modules outside the black frame.
+    Returns the thickness of the thinnest row or column of cells in pixels, 0 for a degenerate quad. Levels outside
+    the image are NaN.
     """
     h = np.empty(9)
     if not square_to_quad(quad, h):
@@ -282,9 +285,10 @@ def _mixing(n, thickness, blur):
 
 @njit(cache=True, nogil=True)
 def _misfit(levels, mix_down, mix_across, cells):
-    """Return the residual RMS of levels against mixed cells (1 white, 0 black), in units of the fitted contrast."""
+    """Return (RMS, largest) residual of levels against mixed cells (1 white, 0 black), in fitted contrasts."""
     n = len(levels)
     half = np.zeros((n, n))
+    mixed = np.empty((n, n))
     for i in range(n):
         for k in range(n):
             m = mix_down[i, k]
@@ -297,6 +301,7 @@ def _misfit(levels, mix_down, mix_across, cells):
             x = 0.0
             for k in range(max(j - 3, 0), min(j + 4, n)):
                 x += half[i, k] * mix_across[j, k]
+            mixed[i, j] = x
             y = levels[i, j]
             sx += x
             sy += y
@@ -306,44 +311,62 @@ def _misfit(levels, mix_down, mix_across, cells):
     count = n * n
     vxx, vxy, vyy = sxx - sx * sx / count, sxy - sx * sy / count, syy - sy * sy / count
     if vxy <= 0:
-        return 1e9
-    # Residual of the line through (predicted, seen), divided by its slope: in units of the contrast.
-    return np.sqrt(max(vyy - vxy * vxy / vxx, 0.0) / count) / (vxy / vxx)
+        return 1e9, 1e9
+    contrast = vxy / vxx
+    worst = 0.0
+    for i in range(1, n - 1):
+        for j in range(1, n - 1):
+            worst = max(worst, abs(levels[i, j] - sy / count - contrast * (mixed[i, j] - sx / count)))
+    return np.sqrt(max(vyy - vxy * vxy / vxx, 0.0) / count) / contrast, worst / contrast
 
 
 @njit(cache=True, nogil=True)
-def match_blurred(levels, across, down, word, words, owner, farthest):
-    """Return (entry or NO_CODE, misfit, lead) of the code that explains the levels of a small marker best.
+def match_blurred(levels, across, down, word, words, owner):
+    """Return (entry or NO_CODE, misfit, worst, lead) of the code that explains the levels of a small marker best.
 
     Cells of about a pixel mix: each code near the word as read is blurred as the image may be and compared with
     what is seen, paper and frame included.
     levels   (n, n) linear light of codes.read_levels; across, down: thickness of its columns and rows, pixels
-    word     bits as read; codes within ``farthest`` wrong bits are tried
-    misfit   residual RMS of the best, in contrasts; lead: misfit of the best other code over that of the best
+    word     bits as read: codes within COMPETING_BITS of it are compared, one within BELIEVED_BITS is returned,
+             and only if it explains the levels better than the word itself does
+    misfit   residual RMS of the best, in contrasts; worst: its largest residual of a cell within the frame
+    lead     misfit of the best other code over that of the best
     """
     n = len(levels)
     size = n - 4
     cells = np.zeros((n, n))
     for k in range(n):
         cells[0, k] = cells[n - 1, k] = cells[k, 0] = cells[k, n - 1] = 1.0
-    best, least, second = NO_CODE, 1e9, 1e9
+    best, least, second, worst, as_read = NO_CODE, 1e9, 1e9, 1e9, 1e9
+    competing = [-1]
+    nearest = 65
+    for k in range(len(words)):
+        d = np.int64(popcount(word ^ words[k]))
+        nearest = min(nearest, d)
+        if d <= COMPETING_BITS:
+            competing.append(k)
+    if nearest > BELIEVED_BITS:
+        return NO_CODE, 1e9, 1e9, 0.0
     for blur in (0.5, 0.75, 1.1):
         mix_across = _mixing(n, across, blur)
         mix_down = _mixing(n, down, blur)
-        for k in range(len(words)):
-            if popcount(word ^ words[k]) > farthest:
-                continue
+        for k in competing:
+            code = word if k < 0 else words[k]
             bit = np.uint64(size * size - 1)
             for r in range(size):
                 for c in range(size):
-                    cells[r + 2, c + 2] = float((words[k] >> bit) & np.uint64(1))
+                    cells[r + 2, c + 2] = float((code >> bit) & np.uint64(1))
                     bit -= np.uint64(1)
-            misfit = _misfit(levels, mix_down, mix_across, cells)
-            if best != NO_CODE and owner[k, 0] == owner[best, 0] and owner[k, 1] == owner[best, 1]:
+            misfit, largest = _misfit(levels, mix_down, mix_across, cells)
+            if k < 0:
+                as_read = min(as_read, misfit)
+            elif best != NO_CODE and owner[k, 0] == owner[best, 0] and owner[k, 1] == owner[best, 1]:
                 if misfit < least:
-                    best, least = k, misfit
+                    best, least, worst = k, misfit, largest
             elif misfit < least:
-                best, least, second = k, misfit, least
+                best, least, worst, second = k, misfit, largest, least
             elif misfit < second:
                 second = misfit
-    return best, least, second / max(least, 1e-9)
+    if best == NO_CODE or popcount(word ^ words[best]) > BELIEVED_BITS or as_read < least:
+        return NO_CODE, 1e9, 1e9, 0.0
+    return best, least, worst, second / max(least, 1e-9)

@@ -1,0 +1,305 @@
+"""BART on sequences: look where markers were, search the whole frame beside that, keep to a time budget.
+
+A Tracker belongs to one camera and one thread; two trackers in two threads do not touch each other.
+"""
+
+import threading
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from detectors.bart import PARAMETERS, make_detector
+from detectors.bart.filter import PoseFilter
+from detectors.contract import DEFAULT_DICTIONARIES, Detection, estimate_poses, grey_image
+
+TRACKER_PARAMETERS = {
+    # Look first where markers were; False searches every frame whole: no memory, several times slower.
+    "regions": True,
+    # Search whole frames in a second thread: new markers appear a frame or two late, and no frame waits for them.
+    # False searches in the loop, at frames that are known beforehand: repeatable, with slower frames between.
+    "asynchronous": False,
+    # Frames from one search of the whole frame to the next: fewer find new markers sooner and cost time.
+    "full_every": 10,
+    # Milliseconds a frame may take; what is not done by then is left and said (``partial``). None: no limit.
+    "budget_ms": None,
+    # Frames that a marker is carried on without being seen: more bridges longer occlusions and reports markers
+    # longer that have left. 0 reports only what is seen.
+    "bridge_frames": 15,
+    # Kalman filter on poses (needs K and code_m); False gives the poses as measured: no lag and more jitter.
+    "kalman": True,
+    # Choose between the two planar poses by what they were in earlier frames; False takes the better of each frame,
+    # which forgets a wrong start at once and turns over now and then.
+    "resolve_flips": True,
+    # Noise of a corner, pixels: larger smooths more and lags more.
+    "corner_noise_px": 0.08,
+    # How quickly motion changes, metres and radians a second squared: larger follows faster and smooths less.
+    "acceleration_m_s2": 0.5,
+    "turning_rad_s2": 2.0,
+}
+
+LOST_EVERY = 3  # frames from one search of the whole frame to the next while a marker is lost
+UNCONFIRMED_FRAMES = 3  # tries to see a marker in the present that was found in an older frame
+FOLLOWED_AT_ONCE = 8  # markers between two looks at the clock
+
+
+@dataclass(frozen=True, eq=False)
+class Tracked(Detection):
+    """A marker in a frame of a sequence.
+
+    seen      False where it was carried on by its motion, through an occlusion
+    poses     as measured, both planar ones (rvec, tvec, reprojection RMS); empty without K, code_m or when not seen
+    rvec, tvec  ``T_cam_marker`` after filter and flip; None without K and code_m
+    """
+
+    seen: bool
+    poses: list
+    rvec: np.ndarray | None
+    tvec: np.ndarray | None
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What is known of one frame: ``markers`` (list of Tracked), ``partial`` (the budget ran out), ``ms`` it took."""
+
+    markers: list
+    partial: bool
+    ms: float
+
+
+class _Track:
+    """One marker's corners and their speed in the image, and its pose filter."""
+
+    def __init__(self, detection, pose_filter, seen):
+        self.name, self.id = detection.dictionary, detection.id
+        self.corners = detection.corners
+        self.speed = np.zeros((4, 2))  # pixels a second
+        self.seen = seen  # in the present frame
+        self.confirmed = seen  # False while found in an older frame only
+        self.missed = 0  # frames since it was seen
+        self.unseen_s = 0.0
+        self.filter = pose_filter
+        self.poses = []
+
+    def advance(self, dt):
+        """Move on by ``dt`` seconds: where the marker is expected, and not yet seen."""
+        self.corners = self.corners + dt * self.speed
+        self.unseen_s += dt
+        self.seen = False
+        if self.filter is not None:
+            self.filter.predict(dt)
+
+    def see(self, corners):
+        """Take in the corners measured in the present frame."""
+        if self.confirmed and self.unseen_s > 0:
+            # Corners are exact, their speed is not: half of what was unexpected goes into it.
+            self.speed = self.speed + 0.5 * (corners - self.corners) / self.unseen_s
+        self.corners = corners
+        self.seen = self.confirmed = True
+        self.missed, self.unseen_s = 0, 0.0
+
+    def miss(self):
+        """Note that the marker was not seen: it is carried on, ever more slowly."""
+        self.missed += 1
+        self.speed = 0.9 * self.speed
+        self.poses = []
+
+
+class Tracker:
+    """Follows the markers of one camera through a sequence.
+
+    K, dist   intrinsics (3 x 3) and OpenCV's distortion coefficients; None: no poses
+    code_m    side of the code in metres, or a dict (dictionary, id) -> side; None: no poses
+    fps       frames a second, where ``update`` is not told the time
+    parameters  of TRACKER_PARAMETERS and of PARAMETERS (bart/__init__.py)
+    Raises ValueError for a parameter that neither knows.
+    """
+
+    def __init__(self, dictionaries=DEFAULT_DICTIONARIES, K=None, dist=None, code_m=None, fps=30.0, **parameters):
+        unknown = set(parameters) - set(TRACKER_PARAMETERS) - set(PARAMETERS)
+        if unknown:
+            raise ValueError(f"unknown parameters: {', '.join(sorted(unknown))}")
+        if not fps > 0:
+            raise ValueError(f"fps is positive, not {fps}")
+        self.p = {k: parameters.get(k, v) for k, v in TRACKER_PARAMETERS.items()}
+        if self.p["budget_ms"] is not None and not self.p["budget_ms"] >= 0:
+            raise ValueError(f"budget_ms is not negative, not {self.p['budget_ms']}")
+        self.bart = make_detector(tuple(dictionaries), **{k: v for k, v in parameters.items() if k in PARAMETERS})
+        self.K, self.dist, self.code_m, self.fps = K, dist, code_m, fps
+        if K is not None:
+            PoseFilter.compile()
+        self.search_ms = 0.0  # what a search of the whole frame took lately
+        self.reset()
+
+    def reset(self):
+        """Forget all markers, as for a new sequence."""
+        self.tracks = []
+        self.shape = self.time_s = None
+        self.frame, self.last_search = -1, -(10**9)
+        self.light = None  # of the last search, see Bart.light_of
+        self.worker, self.result = None, []
+
+    def update(self, image, t_s=None):
+        """Return the Frame of the next image; ``t_s`` its time in seconds, else frames follow at ``fps``.
+
+        A change of image size starts anew. Raises ValueError for a bad image and for time that does not advance.
+        """
+        start = time.perf_counter()
+        grey = grey_image(image)
+        self._advance(grey.shape, t_s)
+        partial = False
+        if self.p["regions"]:
+            self._collect()
+            partial = self._follow(grey, start)
+        if self._search_is_due():
+            # With nothing to follow there is nothing to search beside of, unless the budget forbids to wait.
+            beside = self.p["asynchronous"] and self.p["regions"]
+            if beside and (self.tracks or self._left(start) <= self.search_ms):
+                self._search_beside(grey)
+            else:
+                partial |= self._search_now(grey, start)
+        markers = self._report()
+        return Frame(markers, partial, 1000 * (time.perf_counter() - start))
+
+    def _advance(self, shape, t_s):
+        """Check size and time of the frame and move all tracks on to it."""
+        dt = 1 / self.fps
+        if t_s is not None and self.time_s is not None:
+            dt = t_s - self.time_s
+            if not dt > 0:
+                raise ValueError(f"frames out of order: {t_s} s after {self.time_s} s")
+        if self.shape is not None and shape != self.shape:
+            self.reset()
+        self.shape, self.time_s = shape, t_s
+        self.frame += 1
+        for track in self.tracks:
+            track.advance(dt)
+
+    def _left(self, start):
+        """Return the milliseconds left of the budget."""
+        if self.p["budget_ms"] is None:
+            return np.inf
+        return self.p["budget_ms"] - 1000 * (time.perf_counter() - start)
+
+    def _search_is_due(self):
+        since = self.frame - self.last_search
+        if not self.p["regions"] or not self.tracks or since >= self.p["full_every"]:
+            return True
+        return since >= LOST_EVERY and any(not track.seen for track in self.tracks)
+
+    def _search_now(self, grey, start):
+        """Search the whole frame in the loop; return whether the budget did not allow it."""
+        left = self._left(start)
+        if left <= self.search_ms or left <= 0:
+            self.search_ms *= 0.9  # an old estimate is no reason never to try again
+            return True
+        began = time.perf_counter()
+        found = self.bart.search(grey)
+        self.light = self.bart.light_of(grey, found)
+        self._take_in(self.bart.finish(grey, found, self.light), seen=True)
+        self.search_ms = 1000 * (time.perf_counter() - began)
+        self.last_search = self.frame
+        return False
+
+    def _search_beside(self, grey):
+        """Start a search of this frame in a second thread, unless one is still at work."""
+        if self.worker is not None and self.worker.is_alive():
+            return
+        self.last_search = self.frame
+        image, box = grey.copy(), []
+        self.result = box
+
+        def work():
+            found = self.bart.search(image)
+            light = self.bart.light_of(image, found)
+            box.append((light, self.bart.finish(image, found, light)))
+
+        self.worker = threading.Thread(target=work, daemon=True)
+        self.worker.start()
+
+    def _collect(self):
+        """Take in what the second thread has found, if it is done."""
+        if self.result:
+            self.light, detections = self.result.pop()
+            self._take_in(detections, seen=False)
+
+    def _take_in(self, detections, seen):
+        """Match detections to tracks and start new ones; not ``seen`` are those of an older frame."""
+        known = {(t.name, t.id): t for t in self.tracks}
+        for d in detections:
+            track = known.get((d.dictionary, d.id))
+            if track is None:
+                track = _Track(d, self._new_filter(d), seen)
+                self.tracks.append(track)
+            elif track.seen:
+                continue
+            elif seen:
+                track.see(d.corners)
+            else:
+                track.corners = d.corners  # a lost marker: look for it where it was a moment ago
+            if seen:
+                self._measure(track)
+
+    def _new_filter(self, d):
+        side = self.code_m.get((d.dictionary, d.id)) if isinstance(self.code_m, dict) else self.code_m
+        if self.K is None or not side:
+            return None
+        names = ("corner_noise_px", "acceleration_m_s2", "turning_rad_s2", "resolve_flips")
+        return PoseFilter(self.K, self.dist, side, *(self.p[name] for name in names))
+
+    def _measure(self, track):
+        """Give the track's filter the poses of its corners."""
+        if track.filter is None:
+            return
+        track.poses = estimate_poses(track.corners, track.filter.code_m, self.K, self.dist)
+        if track.poses:
+            track.filter.update(track.poses, smooth=self.p["kalman"])
+
+    def _follow(self, grey, start):
+        """Look for each track near where it is expected; return whether the budget ran out before the end."""
+        waiting = sorted(self.tracks, key=lambda t: t.missed)
+        for k in range(0, len(waiting), FOLLOWED_AT_ONCE):
+            if self._left(start) <= 0:
+                for track in waiting[k:]:
+                    track.miss()
+                return True
+            self._look_for(grey, waiting[k : k + FOLLOWED_AT_ONCE], start)
+        return False
+
+    def _look_for(self, grey, tracks, start):
+        """See the tracks of a batch, or miss them."""
+        quads = np.stack([t.corners for t in tracks])
+        found = self.bart.read(grey, quads)
+        for track in tracks:
+            mine = [f for f in found if (f["name"], f["id"]) == (track.name, track.id)]
+            if not mine and self._left(start) > 0:
+                around = self.bart.search_near(grey, track.corners, 0.35 + 0.15 * min(track.missed, 6))
+                mine = [f for f in around if (f["name"], f["id"]) == (track.name, track.id)]
+            if mine:
+                track.see(self.bart.finish(grey, mine[:1], self.light)[0].corners)
+                self._measure(track)
+            else:
+                track.miss()
+
+    def _report(self):
+        """Return the markers of this frame; forget those that were missed for too long or have left the image."""
+        markers, kept = [], []
+        for track in self.tracks:
+            longest = self.p["bridge_frames"] if track.confirmed else UNCONFIRMED_FRAMES
+            centre = track.corners.mean(axis=0)
+            inside = (centre > 0).all() and (centre < self.shape[::-1]).all()
+            if not track.seen and (track.missed > longest or not inside):
+                continue
+            kept.append(track)
+            if track.confirmed:
+                markers.append(self._tracked(track))
+        self.tracks = kept
+        return markers
+
+    def _tracked(self, track):
+        corners, pose = track.corners, (None, None)
+        if track.filter is not None and track.filter.x is not None:
+            pose = track.filter.pose()
+            if not track.seen and self.p["kalman"]:
+                corners = track.filter.corners()
+        return Tracked(track.name, track.id, corners, track.seen, track.poses, *pose)
