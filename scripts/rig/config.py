@@ -60,7 +60,7 @@ class Config(Settings):
     campaign: MaybePath = Field("data/raw/frame", description="folder of measurements; see docs/campaign-format.md")
     experiment: MaybePath = Field(
         None,
-        description="a designed experiment without photographs, in the campaign's place: config/experiments/*.yaml",
+        description="a designed experiment without photographs, in the campaign's place (config/experiments)",
     )
     seed: str = Field("twingap", max_length=64, description="enters every random number, together with names")
     detectors: dict[str, dict] = Field(

@@ -1,6 +1,7 @@
 """Read YAML from strangers: plain data only, duplicate keys refused, one message that names file and line."""
 
 from pathlib import Path
+from types import UnionType
 from typing import get_args
 
 import yaml
@@ -51,6 +52,8 @@ def load_yaml(path):
         mark = getattr(error, "problem_mark", None)
         where = f", line {mark.line + 1}" if mark else ""
         raise InputError(f"{path}{where}: {getattr(error, 'problem', None) or error}") from None
+    except ValueError as error:  # a number of 5000 digits, a 32nd of January
+        raise InputError(f"{path}: {error}") from None
     except RecursionError:
         raise InputError(f"{path}: nested too deeply") from None
     if not isinstance(data, dict):
@@ -76,9 +79,9 @@ def _known_keys(model, loc):
     """Return the keys of the model at a place inside ``model``."""
     for part in loc:
         if isinstance(model, type) and issubclass(model, BaseModel):
-            names = {field.alias or name: field.annotation for name, field in model.model_fields.items()}
-            model = names[part]
+            model = {field.alias or name: field.annotation for name, field in model.model_fields.items()}[part]
         else:
             model = get_args(model)[-1]  # the values of a dict or list
-        model = next((a for a in get_args(model) if isinstance(a, type) and issubclass(a, BaseModel)), model)
+        if isinstance(model, UnionType):
+            model = get_args(model)[0]  # the model of ``Model | None``
     return [field.alias or name for name, field in model.model_fields.items()]

@@ -1,0 +1,154 @@
+"""Campaigns come from strangers: every departure from the format is one message that names file, row, column, value."""
+
+import math
+
+import pytest
+from rig.campaign import load_campaign
+from rig.errors import InputError
+from shared_files import SHARED, shared
+from tiny_campaign import CAPTURES, MARKERS, lay_down
+
+
+def test_a_good_campaign_is_read_as_it_stands(tmp_path):
+    campaign = lay_down(tmp_path / "a folder with spaces")
+    read = load_campaign(campaign)
+    assert list(read.captures.capture) == ["left_a", "left_b", "right_a", "right_b"]
+    assert list(read.markers.id) == [3, 3]  # the same id in two dictionaries is two markers
+    assert read.captures.tilt_deg.iloc[3] == 22.5
+    assert read.captures.rx.isna().all()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("DICT_ARUCO_ORIGINAL", "DICT_5X5_1000", ["row 3", "column id", "row 2"]),
+        ("DICT_ARUCO_ORIGINAL", "DICT_9X9", ["row 3", "column dictionary", "'DICT_9X9'"]),
+        ("DICT_ARUCO_ORIGINAL", "DICT_5X5_1000.__class__", ["row 3", "column dictionary"]),
+        ("0.4,0,0,0,0\nDICT_A", "nan,0,0,0,0\nDICT_A", ["row 2", "column y", "'nan'"]),
+        ("0.4,0,0,0,0\nDICT_A", "near,0,0,0,0\nDICT_A", ["row 2", "column y", "'near'"]),
+        ("0.4,0,0,0,0\nDICT_A", "1e999,0,0,0,0\nDICT_A", ["row 2", "column y", "'1e999'"]),
+        ("0.4,0,0,0,0\nDICT_A", ",0,0,0,0\nDICT_A", ["row 2", "column y", "''"]),
+        ("1000,3,0.07,0.1", "1000,3,0.12,0.1", ["row 2", "column code_m", "0.12", "plate_m 0.1"]),
+        ("1000,3,0.07,0.1", "1000,1000,0.07,0.1", ["row 2", "column id", "'1000'", "0 to 999"]),
+        ("1000,3,0.07,0.1", "1000,3.5,0.07,0.1", ["row 2", "column id", "'3.5'"]),
+        ("1000,3,0.07,0.1", "1000,3,-0.07,0.1", ["row 2", "column code_m", "'-0.07'"]),
+        (",plate_m,", ",plate_mm,", ["row 1", "'plate_m'"]),
+        ("0,0,0,0\nDICT_A", "0,0,0,0,7\nDICT_A", ["row 2", "11 values for 10 columns"]),
+    ],
+)
+def test_a_bad_marker_is_named(tmp_path, old, new, words):
+    assert old in MARKERS
+    campaign = lay_down(tmp_path / "c", markers=MARKERS.replace(old, new, 1))
+    with pytest.raises(InputError) as error:
+        load_campaign(campaign)
+    for word in ["markers.csv", *words]:
+        assert word in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("left_b,", "left_a,", ["row 3", "column capture", "'left_a'", "row 2"]),
+        ("images/left/b.png", "images/left/a.png", ["row 3", "column image", "row 2"]),
+        ("images/left/b.png", "images/./left/a.png", ["row 3", "column image", "row 2"]),
+        ("left_b,left", "left_b,middle", ["row 3", "column camera", "'middle'", "left, right"]),
+        ("images/left/b.png", "/etc/passwd", ["row 3", "column image", "'/etc/passwd'", "inside"]),
+        ("images/left/b.png", "../c2/b.png", ["row 3", "column image", "inside"]),
+        ("images/left/b.png", "images/left/none.png", ["row 3", "column image", "no such file"]),
+        ("images/left/b.png", "images/{x}.png", ["row 3", "column image", "braces"]),
+        ("left_b,left,0.3", "left_b,left,high", ["row 3", "column height_m", "'high'"]),
+        ("left_b,left,0.3,45", "left_b,left,0.3,", ["row 3", "column tilt_deg", "''"]),
+        ("left_b,", "../b,", ["row 3", "column capture"]),
+        ("0.3,45,1", "0.3,45,-1", ["row 3", "column trial", "'-1'"]),
+    ],
+)
+def test_a_bad_capture_is_named(tmp_path, old, new, words):
+    assert old in CAPTURES
+    campaign = lay_down(tmp_path / "c", captures=CAPTURES.replace(old, new, 1))
+    with pytest.raises(InputError) as error:
+        load_campaign(campaign)
+    for word in ["captures.csv", *words]:
+        assert word in str(error.value)
+
+
+def test_a_link_out_of_the_campaign_is_refused(tmp_path):
+    """Otherwise a stranger's campaign could have any file of the user's opened and shown in a report."""
+    campaign = lay_down(tmp_path / "c")
+    (tmp_path / "secret.png").write_bytes(b"x")
+    (campaign / "images/left/b.png").unlink()
+    (campaign / "images/left/b.png").symlink_to(tmp_path / "secret.png")
+    with pytest.raises(InputError, match="row 3.*leaves the campaign"):
+        load_campaign(campaign)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda d: d.update(name="../x"), ["name", "'../x'"]),
+        (lambda d: d.update(schema=2), ["schema", "1"]),
+        (lambda d: d.update(colour="red"), ["colour", "unknown key", "reflectance"]),
+        (lambda d: d["cameras"]["left"].update(f=3), ["cameras.left.f", "unknown key", "width"]),
+        (lambda d: d["cameras"]["left"].update(width="64"), ["cameras.left.width", "'64'"]),
+        (lambda d: d["cameras"]["left"].update(fx=None), ["cameras.left", "all four null"]),
+        (lambda d: d["cameras"]["left"].update(fx=math.nan), ["cameras.left.fx", "nan"]),
+        (lambda d: d["cameras"]["left"].update(height=10**9), ["cameras.left.height"]),
+        (lambda d: d["cameras"].update({"a/b": dict(d["cameras"]["left"])}), ["'a/b'"]),
+        (lambda d: d.update(markers="/etc/passwd"), ["markers", "'/etc/passwd'"]),
+        (lambda d: d.update(captures="../captures.csv"), ["captures", "inside"]),
+        (lambda d: d.update(target={"type": "chessboard", "columns": 9, "rows": 6}), ["square_m"]),
+        (lambda d: d["reflectance"].update(white=0.01), ["reflectance", "white"]),
+    ],
+)
+def test_a_bad_description_is_named(tmp_path, change, words):
+    campaign = lay_down(tmp_path / "c", describe=change)
+    with pytest.raises(InputError) as error:
+        load_campaign(campaign)
+    for word in ["campaign.yaml", *words]:
+        assert word in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("!!python/object/apply:os.system ['touch owned']", "line 1"),
+        ("name: a\nname: b\n", "line 2"),
+        ("a: &a [x, x]\nb: [*a, *a]\n", "aliases"),
+        ("[" * 3000, "campaign.yaml"),
+        ("- 1\n", "keys and values"),
+        ("name: [1", "line 1"),
+        ("", "keys and values"),
+        ("\xff", "campaign.yaml"),
+        ("schema: 1" + "0" * 5000, "campaign.yaml"),
+        ("name: 2024-13-45", "campaign.yaml"),
+    ],
+)
+def test_hostile_yaml_ends_in_one_message(tmp_path, text, words):
+    campaign = lay_down(tmp_path / "c")
+    (campaign / "campaign.yaml").write_bytes(text.encode("latin-1"))
+    with pytest.raises(InputError, match=words):
+        load_campaign(campaign)
+
+
+def test_a_board_with_more_markers_than_its_dictionary_is_refused(tmp_path):
+    def board(data):
+        del data["markers"]
+        data["target"] = {
+            "type": "aruco_grid",
+            "dictionary": "DICT_4X4_50",
+            "columns": 8,
+            "rows": 8,
+            "marker_m": 0.03,
+            "gap_m": 0.01,
+        }
+
+    with pytest.raises(InputError, match="needs 64 markers; DICT_4X4_50 has 50"):
+        load_campaign(lay_down(tmp_path / "c", describe=board))
+
+
+def test_every_campaign_at_hand_is_accepted():
+    """The reader must not be stricter than the format."""
+    shared("campaigns/frame")
+    found = [path.parent for path in sorted(SHARED.glob("*/*/campaign.yaml"))]
+    assert len(found) >= 7
+    for folder in found:
+        assert len(load_campaign(folder).captures) > 0

@@ -1,0 +1,105 @@
+"""Images from strangers: checked before they are decoded, and never silently filled with grey."""
+
+import struct
+import zlib
+
+import cv2
+import numpy as np
+import pytest
+from rig.errors import InputError
+from rig.images import read_header, read_image
+
+COLOUR = np.random.default_rng(0).integers(0, 255, (60, 80, 3), dtype=np.uint8)
+
+
+def png(width, height, rows, bits=8, colour=0):
+    """Return a PNG's bytes with the given header and raw rows, whether they agree or not."""
+
+    def chunk(kind, body):
+        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+
+    header = struct.pack(">IIBBBBB", width, height, bits, colour, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.tif"])
+def test_header_and_pixels_are_those_of_the_file(tmp_path, name):
+    path = tmp_path / name
+    cv2.imwrite(str(path), COLOUR)
+    assert read_header(path) == (80, 60, 8, 3)
+    image = read_image(path, (80, 60))
+    assert image.shape == (60, 80, 3)
+    if name != "a.jpg":
+        assert (image == COLOUR).all()
+
+
+def test_grey_stays_grey_and_sixteen_bits_stay_sixteen(tmp_path):
+    path = tmp_path / "deep.png"
+    deep = COLOUR[:, :, 0].astype(np.uint16) * 257
+    cv2.imwrite(str(path), deep)
+    image = read_image(path)
+    assert image.dtype == np.uint16
+    assert (image == deep).all()
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.tif"])
+@pytest.mark.parametrize("share", [0.02, 0.5, 0.99])
+def test_a_truncated_file_is_refused(tmp_path, name, share):
+    """OpenCV reads such files without a word and fills the rest."""
+    path = tmp_path / name
+    cv2.imwrite(str(path), COLOUR)
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(InputError, match=name):
+        read_image(path)
+
+
+def test_a_flipped_bit_is_refused(tmp_path):
+    path = tmp_path / "a.png"
+    cv2.imwrite(str(path), COLOUR)
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="checksum"):
+        read_image(path)
+
+
+def test_missing_rows_behind_good_checksums_are_refused(tmp_path):
+    path = tmp_path / "short.png"
+    path.write_bytes(png(40, 30, bytes(41) * 20))
+    with pytest.raises(InputError, match="rows are not complete"):
+        read_image(path)
+
+
+def test_a_huge_header_is_refused_before_decoding(tmp_path):
+    """40,000 x 40,000 pixels would be 1.6 GB; the file has some hundred bytes."""
+    path = tmp_path / "huge.png"
+    path.write_bytes(png(40_000, 40_000, b"\0"))
+    assert read_header(path)[:2] == (40_000, 40_000)
+    with pytest.raises(InputError, match="40000 x 40000"):
+        read_image(path)
+
+
+def test_another_size_than_the_cameras_is_refused(tmp_path):
+    path = tmp_path / "a.png"
+    cv2.imwrite(str(path), COLOUR)
+    with pytest.raises(InputError, match="80 x 60 pixels, but its camera has 64 x 48"):
+        read_image(path, (64, 48))
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"hello", b"\xff\xd8", b"\x89PNG\r\n\x1a\n", b"II*\0", b"MM\0*\xff\xff\xff\xff"]
+)
+def test_what_is_no_image_ends_in_one_message(tmp_path, content):
+    path = tmp_path / "odd.png"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="odd.png"):
+        read_image(path)
+
+
+def test_a_jpeg_with_data_behind_its_end_is_whole(tmp_path):
+    """Phones append previews and depth maps to their photographs."""
+    path = tmp_path / "a.jpg"
+    cv2.imwrite(str(path), COLOUR)
+    path.write_bytes(path.read_bytes() + bytes(5000))
+    assert read_image(path).shape == (60, 80, 3)
