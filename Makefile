@@ -40,7 +40,7 @@ environment: $(UV)
 		&& cp $(LOCK) $(INSTALLED); }
 
 data: environment
-	@$(BIN)/dvc pull --quiet data/raw/frame.dvc
+	@$(BIN)/dvc pull --quiet --remote embedded data/raw/frame.dvc
 
 test: environment data
 	$(BIN)/python -m pytest
