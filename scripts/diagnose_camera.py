@@ -103,7 +103,7 @@ def diagnose_camera(
     steps, left = climb(diagnosis, candidates, most_steps, lambda e: log.info("%s: + %s", camera, e))
     floors, gap, gap_se = diagnosis.floors, diagnosis.base_gap, diagnosis.base_gap_se
     verdict = verdict_of(steps, gap, gap_se)
-    everything = diagnosis.train + diagnosis.test
+    everything = sorted(diagnosis.train + diagnosis.test)
     first = tables_of(diagnosis, start_effects, start_poses, everything)
     last = tables_of(diagnosis, diagnosis.effects, diagnosis.poses, everything)
     train = [case.captures[i].view.capture for i in diagnosis.train]

@@ -14,6 +14,9 @@ from gap.fit import NU, RHO_NOISE, Fitter, State, flatten, image_step, is_geomet
 from gap.observe import SMALLEST_SIDE_PX, code_sides_px, wholly_inside
 
 GAP_GROUPS = ("corners", "levels", "edges", "colour", "field", "noise")
+MOST_CAPTURES = 6  # that are fitted, and as many that are held out
+PROBES = 3  # captures that a candidate's promise is read from
+TRIED_AGAIN = 4  # candidates that are fitted in later steps of a climb, most promising first
 MOST_STATIONS = 0.7  # share of held-out stations that must gain
 LEAST_GAIN = 25.0  # and the least gain in loss that is worth a name
 LEAST_PROMISE = 12.0  # first-order gain in training loss below which an effect is not fitted
@@ -107,6 +110,13 @@ def start_step(parameter, value):
     return max(steps, key=abs) if steps else image_step(parameter, value)
 
 
+def thinned(indices):
+    """Return at most MOST_CAPTURES of the captures, evenly picked: more cost time and tell little more."""
+    if len(indices) <= MOST_CAPTURES:
+        return indices
+    return [indices[int(k)] for k in np.linspace(0, len(indices) - 1, MOST_CAPTURES).round()]
+
+
 def usable(indices, case):
     """Return those captures in which at least one plate was measured."""
     return [i for i in indices if case.captures[i].observation.measured.any()]
@@ -175,7 +185,7 @@ class Diagnosis:
         self.case = case
         self.fitter = Fitter(case)
         train, test = split or split_by_station(case)
-        self.train, self.test = usable(train, case), usable(test, case)
+        self.train, self.test = thinned(usable(train, case)), thinned(usable(test, case))
         self.candidates = list(candidates or pipeline.available_effects())
         self.effects = []
         self.fixed = set()  # effects whose parameters the user fixed: never refitted, never dropped
@@ -228,7 +238,7 @@ class Diagnosis:
         """
         free = [(effect, k) for k in null_of(effect)]
         effects = self.effects + [(effect, null_of(effect))]
-        indices = self.train[:: max(1, len(self.train) // 6)][:6]
+        indices = self.train[:: max(1, len(self.train) // PROBES)][:PROBES]
         predictions, _ = self.fitter.start(effects, self.poses, indices)
         groups = self.fitter.residuals_of(effects, self.poses, predictions, indices)
         nu = NU * width_of(groups) ** 2
@@ -237,6 +247,12 @@ class Diagnosis:
         g, H = g / scale, H / np.outer(scale, scale)
         gain = float(g @ np.linalg.lstsq(H + 1e-6 * np.eye(len(g)), g, rcond=None)[0])
         return gain * len(self.train) / max(len(indices), 1)
+
+    def try_most_promising(self, names):
+        """Return Candidates of the effects: the most promising are fitted, the others stay at their null."""
+        promises = {name: self.promise(name) for name in names}
+        best = sorted(names, key=lambda n: (-promises[n], n))[:TRIED_AGAIN]
+        return [self.try_effect(n) if n in best else self.null_candidate(n) for n in names]
 
     def null_candidate(self, effect):
         """Return the Candidate of an effect that promises nothing: at its null, with the base's gap."""
@@ -253,7 +269,7 @@ class Diagnosis:
         free = [(effect, k) for k in null_of(effect)]
         best = None
         starts = starts_of(effect)
-        probe = self.train[:: max(1, len(self.train) // 3)][:3]
+        probe = self.train[:: max(1, len(self.train) // PROBES)][:PROBES]
         if len(starts) > 1:
             scored = []
             for start in starts:
@@ -265,7 +281,7 @@ class Diagnosis:
             start_effects = best.state.effects
         else:
             start_effects = self.effects + [(effect, starts[0])]
-        fit = self.fitter.fit(start_effects, free, self.poses, self.train, iterations=10, scale=8.0)
+        fit = self.fitter.fit(start_effects, free, self.poses, self.train, iterations=7, scale=8.0)
         poses, groups = self.fitter.score(fit.state.effects, fit.state.poses, self.test)
         return self._candidate(effect, fit, poses, groups)
 
@@ -398,7 +414,7 @@ def climb(diagnosis, first, most_steps=6, progress=None):
         adopted = dict(diagnosis.effects)
         if progress:
             progress(best.effect)
-        candidates = rank([diagnosis.try_effect(e) for e in diagnosis.candidates if e not in adopted])
+        candidates = rank(diagnosis.try_most_promising([e for e in diagnosis.candidates if e not in adopted]))
     return steps, candidates
 
 
