@@ -108,7 +108,7 @@ def seen_poses(T, rng, noise_px):
 def test_the_filter_calms_a_resting_marker_to_two_thirds():
     rng = np.random.default_rng(0)
     T = make_pose([2.4, 0.4, 0.2], [0.02, 0.01, 0.8])
-    rest = PoseFilter(K, None, 0.05, 0.08, 0.5, 2.0)
+    rest = PoseFilter(K, None, 0.05, 0.08, 0.1, 0.5)
     raw, calm = [], []
     for _ in range(150):
         poses = seen_poses(T, rng, 0.08)
@@ -136,3 +136,17 @@ def test_single_flips_do_not_turn_the_marker_over():
         kept.append(np.linalg.norm(cv2.Rodrigues(follower.R @ truth.T)[0]) < 0.45)
     assert np.mean(better) < 0.95
     assert np.mean(kept) > np.mean(better) + 0.03
+
+
+def test_the_filter_follows_a_sudden_move_at_once():
+    """Calm at rest must not mean lag in motion: a marker that sets off is followed to a millimetre."""
+    rng = np.random.default_rng(2)
+    follower = PoseFilter(K, None, 0.05, 0.08, 0.1, 0.5)
+    lag = []
+    for k in range(60):
+        x = 0.0 if k < 30 else 0.5 * (k - 29) / 30
+        T = make_pose([2.4, 0.4, 0.2], [0.02 + x, 0.01, 0.8])
+        follower.predict(1 / 30)
+        follower.update(seen_poses(T, rng, 0.08))
+        lag.append(abs(follower.pose()[1][0] - T[0, 3]))
+    assert max(lag[30:]) < 0.002

@@ -5,6 +5,8 @@ import numpy as np
 from numba import njit
 from rig.plates import marker_corners_plate
 
+SURPRISE = 16.8  # squared normalised innovation of a pose that one in a hundred exceeds (chi squared, 6 degrees)
+
 
 @njit(cache=True, nogil=True)
 def rotation_of(v):
@@ -47,7 +49,13 @@ def take_in_pose(x, P, R, t_seen, R_seen, covariance):
     innovation = np.empty(6)
     innovation[:3] = t_seen - x[:3]
     innovation[3:] = small_turn(R_seen @ R.T)
-    gain = np.linalg.solve(P[:6, :6] + covariance, P[:6].copy()).T
+    S = P[:6, :6] + covariance
+    surprise = innovation @ np.linalg.solve(S, innovation)
+    if surprise > SURPRISE:
+        # The marker moved off otherwise than expected: trust the past less, by as much as it was wrong.
+        P = P * (surprise / 6)
+        S = P[:6, :6] + covariance
+    gain = np.linalg.solve(S, P[:6].copy()).T
     x = x + gain @ innovation
     R = rotation_of(x[3:6]) @ R
     x[3:6] = 0

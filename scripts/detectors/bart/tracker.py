@@ -33,9 +33,10 @@ TRACKER_PARAMETERS = {
     "resolve_flips": True,
     # Noise of a corner, pixels: larger smooths more and lags more.
     "corner_noise_px": 0.08,
-    # How quickly motion changes, metres and radians a second squared: larger follows faster and smooths less.
-    "acceleration_m_s2": 0.5,
-    "turning_rad_s2": 2.0,
+    # How quickly motion changes at rest, metres and radians a second squared: larger follows faster and smooths
+    # less. A move that these do not explain is followed at once, whatever they are.
+    "acceleration_m_s2": 0.1,
+    "turning_rad_s2": 0.5,
 }
 
 LOST_EVERY = 3  # frames from one search of the whole frame to the next while a marker is lost
