@@ -60,7 +60,10 @@ def available_effects():
     """Return {name: module} of all effects. Imported only here: it costs a second that most starts can spare."""
     from effects import pipeline
 
-    return pipeline.available_effects()
+    try:
+        return pipeline.available_effects()
+    except InputError as error:
+        end_with(error)
 
 
 def locked(*packages):
@@ -195,23 +198,34 @@ def twin_of(wildcards):
     return [str(path)] if path.is_file() else []
 
 
-def twin_effects(camera, *stages):
-    """Return [[effect, parameters], ...] of a camera's twin, of some stages (all where none is named)."""
-    try:
-        from rig.twins import load_twin
+def twin(camera):
+    """Return the rig.twins.Twin of a camera."""
+    from rig.twins import load_twin
 
-        effects = load_twin(f"config/twins/{NAME}/{camera}.yaml").effects
-        found = available_effects()
+    try:
+        return load_twin(f"config/twins/{NAME}/{camera}.yaml")
     except InputError as error:
         end_with(error)
-    return [[n, p] for n, p in effects if not stages or found[n].STAGE in stages]
+
+
+def twin_effects(camera, *stages):
+    """Return [[effect, parameters], ...] of a camera's twin, of some stages (all where none is named)."""
+    effects = twin(camera).effects
+    return [
+        [n, p]
+        for n, p in effects
+        if not stages or available_effects()[n].STAGE in stages
+    ]
+
+
+def twin_starts(camera):
+    """Return [[effect, parameters], ...] of a camera's twin from which a fit starts."""
+    return [list(effect) for effect in twin(camera).starts]
 
 
 def twin_free(camera):
     """Return [[effect, parameter], ...] that a camera's twin leaves to be fitted."""
-    from rig.twins import load_twin
-
-    return [list(f) for f in load_twin(f"config/twins/{NAME}/{camera}.yaml").free]
+    return [list(f) for f in twin(camera).free]
 
 
 def twin_files():

@@ -8,8 +8,20 @@ the fit draws the known plates itself (scripts/gap/synthesis.py, held to Blender
 GAP_CODE = modules(
     "job.py",
     "case_files.py",
-    *[f"effects/{name}.py" for name in ("base", "filters", "pipeline")],
-    *[f"gap/{name}.py" for name in ("case", "diagnose", "fit", "flats", "observe", "patch", "raster", "synthesis")],
+    *[f"effects/{name}.py" for name in ("base", "encoding", "filters", "pipeline")],
+    *[
+        f"gap/{name}.py"
+        for name in (
+            "case",
+            "diagnose",
+            "fit",
+            "flats",
+            "observe",
+            "patch",
+            "raster",
+            "synthesis",
+        )
+    ],
     "rig/geometry.py",
     "rig/plates.py",
     "rig/scene.py",
@@ -18,8 +30,8 @@ CANDIDATES = config["diagnose"]["candidates"] or sorted(available_effects())
 
 
 def configured_effects(wildcards):
-    """Return the effects of the camera's twin as configured, all stages."""
-    return twin_effects(wildcards.camera)
+    """Return the effects of the camera's twin as configured, all stages; what is to be fitted at its start."""
+    return twin_starts(wildcards.camera)
 
 
 def free_parameters(wildcards):
@@ -29,7 +41,9 @@ def free_parameters(wildcards):
 
 def configured_code(wildcards):
     """Return the files of the effects of the camera's twin."""
-    return modules(*[f"effects/{name}.py" for name, _ in twin_effects(wildcards.camera)])
+    return modules(
+        *[f"effects/{name}.py" for name, _ in twin_effects(wildcards.camera)]
+    )
 
 
 wildcard_constraints:

@@ -1,7 +1,7 @@
 """The one resampling that all geometric effects share: edges stay as sharp, and where, the render has them.
 
-A render's pixel is the mean over its square, so a sharp edge can't be interpolated: any kernel moves it by up to 0.1 px or
-makes it ring. Instead the edge inside each pixel is rebuilt as a straight line from its 3 x 3 neighbourhood (ELVIRA,
+A render's pixel is the mean over its square, so a sharp edge can't be interpolated: any kernel moves it by up to 0.1 px
+or makes it ring. Instead the edge inside each pixel is rebuilt as a straight line from its 3 x 3 neighbourhood (ELVIRA,
 as in volume-of-fluid methods: exact for straight edges between two levels), and each new pixel averages over its own
 footprint in the old image. Source: J. E. Pilliod and E. G. Puckett, "Second-order accurate volume-of-fluid algorithms
 for tracking material interfaces", Journal of Computational Physics 199 (2004).

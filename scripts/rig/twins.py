@@ -1,42 +1,54 @@
-"""The twin of a camera: the effects that were adopted, config/twins/<campaign>/<camera>.yaml, made for people to edit."""
+"""The twin of a camera, config/twins/<campaign>/<camera>.yaml: the effects that were adopted, for people to edit."""
 
 import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
 from effects import pipeline
+
 from rig.errors import InputError
 from rig.safe_yaml import load_yaml
 
 FIT = "fit"
 KNOWN_KEYS = ("extends", "effects")
 KNOWN_ENTRY = ("effect", "parameters", "origin")
+# YAML 1.1 takes 1e-5 for text; people, and YAML 1.2, for a number
+NUMBER = re.compile(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+")
 
 
 @dataclass(frozen=True)
 class Twin:
-    """effects: [(name, {parameter: value})] in physical order; free: [(effect, parameter)] that were written as ``fit``."""
+    """What is adopted, [(name, {parameter: value})] in physical order.
+
+    effects  what images are made with: a parameter written as ``fit`` does nothing yet, its value is unknown
+    starts   the same, such parameters at the value from which a fit starts
+    free     [(effect, parameter)] that were written as ``fit``
+    """
 
     effects: list
+    starts: list
     free: list
 
 
 def load_twin(path):
-    """Return the Twin in a file; the ideal twin where there is none. Raises InputError naming file, effect and value."""
+    """Return the Twin in a file; the ideal one where there is none. Raises InputError naming file, effect and value."""
     path = Path(path)
     if not path.is_file():
-        return Twin([], [])
+        return Twin([], [], [])
     entries = _entries(path, ())
-    effects, free = [], []
+    effects, starts, free = [], [], []
     for where, entry in entries:
         name, parameters, fitted = _effect(where, entry)
-        effects.append((name, parameters))
+        known = pipeline.effect_named(name).PARAMETERS
+        effects.append((name, parameters | {key: known[key].null for key in fitted}))
+        starts.append((name, parameters))
         free += [(name, key) for key in fitted]
-    return Twin(pipeline.in_order(effects), free)
+    return Twin(pipeline.in_order(effects), pipeline.in_order(starts), free)
 
 
 def _entries(path, visited):
-    """Return [(where, entry)] of a file and of the twin it extends; an effect named again replaces the inherited one."""
+    """Return [(where, entry)] of a file and of the twin it extends; an effect of both is taken from the file."""
     path = path.resolve()
     if path in visited:
         raise InputError(f"{path}: extends: goes round in a circle")
@@ -55,7 +67,7 @@ def _entries(path, visited):
     if data.get("extends") is not None:
         base = path.parent / str(data["extends"])
         if not base.is_file():
-            raise InputError(f"{path}: extends: {data['extends']!r}: no such file (it is relative to this file's folder)")
+            raise InputError(f"{path}: extends: {data['extends']!r}: no such file (relative to this file's folder)")
         inherited = [(w, e) for w, e in _entries(base, (*visited, path)) if e.get("effect") not in names]
     return inherited + [(f"{path}: effects, entry {k + 1}", e) for k, e in enumerate(own)]
 
@@ -79,8 +91,8 @@ def _effect(where, entry):
     values, fitted = {}, []
     for key, p in known.items():
         value = given.get(key, p.null)
-        if isinstance(value, dict):
-            value = value.get("value")
+        if isinstance(value, str) and NUMBER.fullmatch(value):
+            value = float(value)
         if value == FIT:
             fitted.append(key)
             value = p.starts[0]

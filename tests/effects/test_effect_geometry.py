@@ -1,4 +1,4 @@
-"""The warped image and the map of points are one geometry: corners and centres go where the points go, within 0.02 px."""
+"""The warped image and the map of points are one geometry: corners go where the points go, within 0.02 px."""
 
 import numpy as np
 import pytest

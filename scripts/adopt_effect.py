@@ -1,0 +1,340 @@
+"""Adopt: write an effect that the diagnosis found into a camera's twin, or take one out again.
+
+    python scripts/adopt_effect.py CAMERA                   the verdict's next effect
+    python scripts/adopt_effect.py CAMERA EFFECT            this one, with its fitted parameters
+    python scripts/adopt_effect.py CAMERA --auto            climb until the diagnosis finds nothing more
+    python scripts/adopt_effect.py CAMERA EFFECT --remove   take it out of the twin
+
+The twin is config/twins/<campaign>/<camera>.yaml; comments and order of what stands there are kept. Says at the end
+what the change will rerun.
+"""
+
+import argparse
+import io
+import json
+import logging
+import math
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import job
+import numpy as np
+from effects import pipeline
+from rig.errors import InputError
+from rig.safe_yaml import load_yaml
+from rig.twins import load_twin
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+
+log = logging.getLogger("twingap")
+
+DEFAULT_CONFIG = "config/config.default.yaml"
+MOST_ROUNDS = 8
+LEAST_DIGITS = 4
+HEADER = """\
+# The twin of {camera} in the campaign {campaign}: effects on top of the ideal twin (nominal rig, pinhole, noise).
+# Edit freely: a parameter is a number or `fit`; what is left out does nothing. All effects: docs/effects.md.
+"""
+
+
+def find_campaign(given):
+    """Return (name, folder or None) of a campaign given by name, by folder, or not at all (the configured one)."""
+    given = given or load_yaml(DEFAULT_CONFIG).get("campaign")
+    if (Path(given) / "campaign.yaml").is_file():
+        return str(load_yaml(Path(given) / "campaign.yaml").get("name")), str(given)
+    if re.fullmatch(r"[A-Za-z0-9_-]+", given) and Path(f"results/{given}").is_dir():
+        return given, _folder_of(given)
+    raise InputError(f"--campaign {given}: neither a folder with a campaign.yaml nor the name of a folder in results/")
+
+
+def _folder_of(name):
+    """Return the folder of a campaign that was run before, or None."""
+    run_config = Path(f"results/{name}/run_config.yaml")
+    candidates = [load_yaml(run_config).get("campaign")] if run_config.is_file() else []
+    for folder in (*candidates, f"data/raw/{name}"):
+        if folder and (Path(folder) / "campaign.yaml").is_file():
+            return folder
+    return None
+
+
+def read_diagnosis(campaign, camera):
+    """Return the diagnosis of a camera (dict); raises InputError where there is none that can be read."""
+    path = Path(f"results/{campaign}/diagnosis/{camera}.json")
+    if not path.is_file():
+        there = ", ".join(sorted(p.stem for p in path.parent.glob("*.json"))) or "none"
+        raise InputError(f"{path}: no such diagnosis (there are: {there}); run `snakemake --cores 2 diagnose` first")
+    try:
+        diagnosis = json.loads(path.read_text())
+    except ValueError as error:
+        raise InputError(f"{path}: not JSON ({error})") from None
+    for key in ("verdict", "steps", "candidates"):
+        if key not in diagnosis:
+            raise InputError(f"{path}: {key} is missing")
+    return diagnosis
+
+
+def next_effect(diagnosis, adopted):
+    """Return the first effect of the climb that the twin lacks; raises InputError where there is none."""
+    for step in diagnosis["steps"]:
+        if step["effect"] not in adopted:
+            return step["effect"]
+    raise InputError(
+        f"the diagnosis of {diagnosis.get('camera')} says {diagnosis['verdict']!r} and has no effect to add that the "
+        "twin lacks; name one to try it, or run `snakemake --cores 2 diagnose` where the twin has changed since"
+    )
+
+
+def finding(diagnosis, effect):
+    """Return ({parameter: (value, standard error or None)}, origin) of an effect, wherever the diagnosis has it.
+
+    Raises InputError where it has none.
+    """
+    where = f"{diagnosis.get('campaign')}/{diagnosis.get('camera')}"
+    for step in diagnosis["steps"]:
+        if step["effect"] == effect:
+            values = {k: (v["value"], v.get("se")) for k, v in step["parameters"].items()}
+            gaps = f"held-out gap {step['gap_before']:.2f} -> {step['gap_after']:.2f} floors"
+            return values, f"climb of the diagnosis of {where}, {gaps}"
+    for candidate in diagnosis["candidates"]:
+        if candidate["effect"] == effect and candidate.get("parameters"):
+            values = {k: (v, None) for k, v in candidate["parameters"].items()}
+            return values, f"candidate of the diagnosis of {where}, held-out gap {candidate['gap_after']:.2f} floors"
+    for configured in diagnosis.get("configured", []):
+        if configured["effect"] == effect:
+            values = {k: (v, None) for k, v in configured["parameters"].items()}
+            return values, f"refitted by the diagnosis of {where}"
+    raise InputError(f"{where}: the diagnosis did not fit {effect!r}; see diagnose.candidates in the configuration")
+
+
+def rounded(value, se, parameter):
+    """Return a value with digits that its standard error (None: unknown) leaves meaning, inside its bounds."""
+    if value is None or not math.isfinite(value):
+        raise InputError(f"the diagnosis has no number for it ({value}): its fit did not converge")
+    if value == 0:
+        return 0.0
+    digits = 6
+    if se and math.isfinite(se):
+        digits = max(LEAST_DIGITS, math.ceil(math.log10(abs(value) / se)) + 2) if abs(value) > se else LEAST_DIGITS
+    return min(max(float(f"{value:.{digits}g}"), parameter.lower), parameter.upper)
+
+
+def entry_of(effect, values, origin):
+    """Return a twin's entry, with a comment of unit and standard error at each parameter."""
+    known = pipeline.effect_named(effect).PARAMETERS
+    parameters = CommentedMap()
+    for key, (value, se) in values.items():
+        parameters[key] = rounded(value, se, known[key])
+        spread = f" +- {se:.2g}" if se else ""
+        parameters.yaml_add_eol_comment(f"{known[key].unit}{spread}", key)
+    return CommentedMap({"effect": effect, "parameters": parameters, "origin": origin})
+
+
+# -- the twin's file ----------------------------------------------------------------------------------------------
+
+
+def _yaml():
+    yaml = YAML(typ="rt", pure=True)
+    yaml.preserve_quotes = True
+    yaml.width = 200
+    yaml.indent(mapping=2, sequence=4, offset=2)
+    # plain decimals: people read them, and every YAML reader takes them for numbers
+    yaml.representer.add_representer(
+        float,
+        lambda r, v: r.represent_scalar("tag:yaml.org,2002:float", np.format_float_positional(v, trim="0")),
+    )
+    return yaml
+
+
+def _read(path, campaign, camera):
+    """Return the round-trip data of a twin's file, or of a new one with its header."""
+    if not path.is_file():
+        return _yaml().load(HEADER.format(campaign=campaign, camera=camera) + "effects:\n")
+    load_twin(path)  # refuse to build on a file that is wrong
+    return _yaml().load(path.read_text(encoding="utf-8"))
+
+
+def _write(path, text):
+    """Replace a twin's file, once the new text has proved to be a twin."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fd, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".yaml")
+    os.close(fd)
+    try:
+        Path(temporary).write_text(text, encoding="utf-8")
+        load_twin(temporary)
+        with job.write_atomically(path) as file:
+            file.write(text)
+    finally:
+        os.unlink(temporary)
+
+
+def add(path, entries, campaign, camera):
+    """Write entries into a twin's file; one that stands there already gets the new numbers and keeps its comments."""
+    data = _read(path, campaign, camera)
+    if not data.get("effects"):
+        # comments that hang on an empty list go with the key that follows it
+        data["effects"] = CommentedSeq()
+    data["effects"].fa.set_block_style()
+    for entry in entries:
+        old = next((e for e in data["effects"] if e["effect"] == entry["effect"]), None)
+        if old is None:
+            data["effects"].append(entry)
+            continue
+        if old.get("parameters") is None:
+            old["parameters"] = CommentedMap()
+        for key, value in entry["parameters"].items():
+            old["parameters"][key] = value
+        old["origin"] = entry["origin"]
+    stream = io.StringIO()
+    _yaml().dump(data, stream)
+    _write(path, stream.getvalue())
+
+
+def remove(path, effect):
+    """Take an effect out of a twin's file, by lines, so that all else stays as it was written."""
+    if effect not in dict(load_twin(path).effects):
+        raise InputError(f"{path}: has no {effect!r} to take out")
+    text = path.read_text(encoding="utf-8")
+    data = _yaml().load(text)
+    names = [e["effect"] for e in data.get("effects") or []]
+    if effect not in names:
+        raise InputError(
+            f"{path}: {effect!r} comes from the twin that this one extends ({data['extends']}); edit that one"
+        )
+    if data["effects"].fa.flow_style():
+        raise InputError(f"{path}: effects stand in one line; take {effect!r} out by hand")
+    k = names.index(effect)
+    lines = text.splitlines(keepends=True)
+    first = data["effects"].lc.item(k)[0]
+    last = data["effects"].lc.item(k + 1)[0] if k + 1 < len(names) else _end_of_effects(lines, first)
+    # comments right above what follows belong to that
+    while last > first + 1 and lines[last - 1].strip()[:1] in ("", "#"):
+        last -= 1
+    kept = "".join(lines[:first] + lines[last:])
+    if len(names) == 1:
+        kept = re.sub(r"^effects:[ \t]*(?=#|$)", "effects: [] ", kept, count=1, flags=re.MULTILINE).replace(
+            "[] \n", "[]\n"
+        )
+    _write(path, kept)
+
+
+def _end_of_effects(lines, first):
+    """Return the line after the list that holds line ``first``: the next key at the left edge, or the end."""
+    for number in range(first + 1, len(lines)):
+        if re.match(r"[A-Za-z]", lines[number]):
+            return number
+    return len(lines)
+
+
+# -- what follows -------------------------------------------------------------------------------------------------
+
+
+def snakemake(folder, *arguments):
+    """Run Snakemake for a campaign's folder; return the finished process, its output as text."""
+    command = [sys.executable, "-m", "snakemake", *arguments]
+    if folder:
+        command += ["--config", f"campaign={folder}"]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def rerun_summary(output):
+    """Return what a dry run says: 'rule x 3, ...' from its table of jobs."""
+    found = re.search(r"^job +count\n-+ +-+\n(.*?)^total +(\d+)", output, re.MULTILINE | re.DOTALL)
+    if not found:
+        return "nothing" if "Nothing to be done" in output else None
+    jobs = [line.split() for line in found[1].splitlines() if line.strip()]
+    return ", ".join(f"{name} x {count}" for name, count in jobs if name not in ("all", "diagnose"))
+
+
+def say_what_reruns(folder):
+    """Print what a change of the twin will cost; where Snakemake can't say, say that."""
+    if folder is None:
+        print("What will rerun: unknown, as the campaign's folder is not known (give --campaign FOLDER).")
+        return
+    done = snakemake(folder, "-n", "--quiet", "rules")
+    summary = rerun_summary(done.stdout + done.stderr)
+    if done.returncode or summary is None:
+        print("What will rerun: Snakemake's dry run fails:\n" + (done.stdout + done.stderr)[-2000:])
+        return
+    print(f"What will rerun: {summary}.")
+    if "render_stations" not in summary:
+        print("Nothing is rendered again.")
+
+
+def describe(entry):
+    """Return 'effect (a = 1, b = 2)'."""
+    return f"{entry['effect']} (" + ", ".join(f"{k} = {v:g}" for k, v in entry["parameters"].items()) + ")"
+
+
+def adopt(path, campaign, camera, effects):
+    """Write effects (names; empty: the next one) with what the diagnosis says of them into the twin's file."""
+    diagnosis = read_diagnosis(campaign, camera)
+    adopted = dict(load_twin(path).effects)
+    entries = []
+    for effect in effects or [next_effect(diagnosis, adopted)]:
+        pipeline.effect_named(effect)
+        entries.append(entry_of(effect, *finding(diagnosis, effect)))
+    add(path, entries, campaign, camera)
+    for entry in entries:
+        print(f"{path}: {describe(entry)}; {entry['origin']}.")
+
+
+def climb(path, campaign, camera, folder, cores):
+    """Adopt what the diagnosis finds and diagnose again, until it finds nothing more."""
+    if folder is None:
+        raise InputError(
+            f"--auto needs the campaign's folder to diagnose again: give --campaign FOLDER, not {campaign}"
+        )
+    for _ in range(MOST_ROUNDS):
+        diagnosis = read_diagnosis(campaign, camera)
+        adopted = dict(load_twin(path).effects)
+        missing = [step["effect"] for step in diagnosis["steps"] if step["effect"] not in adopted]
+        if not missing:
+            print(f"The verdict on {camera} is now: {diagnosis['verdict']}.")
+            return
+        adopt(path, campaign, camera, missing)
+        print("Diagnosing again ...", flush=True)
+        done = snakemake(folder, "--cores", str(cores), "--quiet", "all", f"results/{campaign}/diagnosis/{camera}.json")
+        if done.returncode:
+            raise InputError(f"the diagnosis failed:\n{(done.stdout + done.stderr)[-3000:]}")
+    print(f"Stopped after {MOST_ROUNDS} rounds; the verdict is {read_diagnosis(campaign, camera)['verdict']}.")
+
+
+def adopt_effect(camera, effect, campaign, take_out, auto, cores):
+    """Do what the command line says."""
+    if auto and (effect or take_out):
+        raise InputError("--auto takes no EFFECT and no --remove")
+    if take_out and not effect:
+        raise InputError("--remove needs the EFFECT to take out")
+    name, folder = find_campaign(campaign)
+    path = Path(f"config/twins/{name}/{camera}.yaml")
+    if auto:
+        climb(path, name, camera, folder, cores)
+    elif take_out:
+        remove(path, effect)
+        print(f"{path}: {effect} is out.")
+    else:
+        adopt(path, name, camera, [effect] if effect else [])
+    say_what_reruns(folder)
+
+
+def main(arguments=None):
+    """Parse the command line and adopt; exit status 1 with one message for bad input."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("camera", metavar="CAMERA")
+    parser.add_argument("effect", metavar="EFFECT", nargs="?")
+    parser.add_argument("--campaign", metavar="NAME|FOLDER", help="default: the configured campaign")
+    parser.add_argument("--remove", action="store_true", help="take EFFECT out of the twin")
+    parser.add_argument("--auto", action="store_true", help="climb until the diagnosis finds nothing more")
+    parser.add_argument("--cores", type=int, default=2, help="for --auto (default 2)")
+    given = parser.parse_intermixed_args(arguments)
+    job.set_up_log()
+    with job.one_message():
+        adopt_effect(given.camera, given.effect, given.campaign, given.remove, given.auto, given.cores)
+
+
+if __name__ == "__main__":
+    main()

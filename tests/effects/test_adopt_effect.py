@@ -1,0 +1,128 @@
+"""Adopting is one command, keeps what people wrote, and leaves nothing half-written."""
+
+import json
+
+import adopt_effect
+import pytest
+from rig.twins import load_twin
+
+STEP = {
+    "effect": "lens_blur",
+    "parameters": {"sigma_px": {"value": 0.8312345678, "se": 0.011}},
+    "gap_before": 3.2,
+    "gap_after": 1.4,
+    "gap_after_se": 0.1,
+    "confused_with": [],
+}
+SPREAD = STEP | {"effect": "ink_spread", "parameters": {"spread_m": {"value": 0.0000212, "se": 1e-6}}}
+CANDIDATE = {"effect": "vignetting", "gap_after": 2.5, "se": 0.1, "rank": 3, "parameters": {"a2": 0.21, "a4": -0.02}}
+WRITTEN = """\
+# measured on the bench in May
+effects:
+  - effect: radial_distortion # from the data sheet
+    parameters: {k1: -0.1, k2: 'fit'}
+  # the ring light
+  - effect: vignetting
+    parameters:
+      a2: 0.3 # by eye
+    origin: by hand
+  # white balance, last
+  - effect: colour_balance
+    parameters:
+      red_gain: 1.10
+"""
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """Work in an empty project folder with one diagnosed camera."""
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "results/c/diagnosis"
+    folder.mkdir(parents=True)
+    diagnosis = {"campaign": "c", "camera": "cam", "verdict": "explained", "steps": [STEP, SPREAD]}
+    (folder / "cam.json").write_text(json.dumps(diagnosis | {"candidates": [CANDIDATE]}))
+    (tmp_path / "config/twins/c").mkdir(parents=True)
+    return tmp_path / "config/twins/c/cam.yaml"
+
+
+def run(*arguments):
+    """Run the command as the shell would; return its exit status."""
+    try:
+        adopt_effect.main([*arguments, "--campaign", "c"])
+    except SystemExit as end:
+        return end.code or 0
+    return 0
+
+
+def test_the_verdicts_effects_one_after_the_other(place, capsys):
+    """The user types one word per effect; the third time there is nothing left, and that is said."""
+    assert run("cam") == 0
+    assert load_twin(place).effects == [("lens_blur", {"sigma_px": 0.8312})]
+    assert "3.20 -> 1.40" in place.read_text() and "+- 0.011" in place.read_text()
+    assert run("cam") == 0
+    assert load_twin(place).effects[0] == ("ink_spread", {"spread_m": 0.0000212})
+    before = place.read_text()
+    assert run("cam") == 1
+    assert place.read_text() == before
+
+
+def test_comments_and_order_are_kept(place):
+    """A file that people keep must not be rewritten behind their backs."""
+    place.write_text(WRITTEN)
+    assert run("cam", "lens_blur") == 0
+    text = place.read_text()
+    for comment in ("measured on the bench in May", "from the data sheet", "the ring light", "by eye", "balance, last"):
+        assert comment in text
+    places = [text.index(name) for name in ("radial_distortion", "vignetting", "colour_balance", "lens_blur")]
+    assert places == sorted(places)
+    assert "'fit'" in text and "1.10" in text
+
+
+def test_adopting_again_refreshes_the_numbers(place):
+    """An effect twice in a file is an error; a second adoption means new numbers."""
+    place.write_text(WRITTEN)
+    assert run("cam", "vignetting") == 0
+    text = place.read_text()
+    assert text.count("vignetting") == 1 and "# by eye" in text
+    assert dict(load_twin(place).effects)["vignetting"] == {"a2": 0.21, "a4": -0.02}
+
+
+def test_adopt_and_remove_is_a_round_trip(place):
+    """Taking out is as easy, and what others wrote stays byte for byte."""
+    place.write_text(WRITTEN)
+    assert run("cam", "--remove", "vignetting") == 0
+    taken_out = WRITTEN[WRITTEN.index("  - effect: vignetting") : WRITTEN.index("  # white balance")]
+    assert place.read_text() == WRITTEN.replace(taken_out, "")
+    for name in ("radial_distortion", "colour_balance"):
+        assert run("cam", name, "--remove") == 0
+    assert load_twin(place).effects == []
+    assert "# measured on the bench in May" in place.read_text()
+    assert run("cam") == 0
+    assert [n for n, _ in load_twin(place).effects] == ["lens_blur"]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("cam", "no_such"),
+        ("other",),
+        ("cam", "sharpening"),
+        ("cam", "--remove"),
+        ("cam", "lens_blur", "--auto"),
+        ("cam", "--remove", "exposure"),
+    ],
+)
+def test_what_cannot_be_done_is_said(place, arguments, capsys):
+    """Status 1 and one message; no file appears."""
+    assert run(*arguments) == 1
+    assert not place.exists()
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_a_wrong_file_is_not_built_upon(place):
+    """Adopting into a broken file would hide the break."""
+    place.write_text("effects:\n  - effect: lens_blur\n    parameters: {sigma_px: 900}\n")
+    before = place.read_text()
+    assert run("cam", "ink_spread") == 1
+    assert place.read_text() == before
+    assert [p.name for p in place.parent.iterdir()] == ["cam.yaml"]
