@@ -1,0 +1,171 @@
+"""Effects on light keep what physics keeps: energy, spreads, noise by its law, levels by their curve."""
+
+import cv2
+import numpy as np
+import pytest
+from effect_views import MARGIN, noise_image, parameters, view
+from effects import encoding, filters, pipeline
+from effects.motion_blur import smear_kernel
+
+FOUND = pipeline.available_effects()
+FRAME = np.s_[MARGIN:-MARGIN, MARGIN:-MARGIN]
+
+
+def spot(v):
+    """Return an image that is dark but for one bright pixel near the frame's middle."""
+    image = np.zeros((v.height + 2 * v.margin, v.width + 2 * v.margin, 1), np.float32)
+    image[v.margin + v.height // 2, v.margin + v.width // 2] = 1
+    return image
+
+
+def moments(image):
+    """Return (sum, variance along x, variance along y) of an image."""
+    plane = image[..., 0].astype(float)
+    y, x = np.mgrid[: plane.shape[0], : plane.shape[1]]
+    total = plane.sum()
+    mx, my = (plane * x).sum() / total, (plane * y).sum() / total
+    return total, (plane * (x - mx) ** 2).sum() / total, (plane * (y - my) ** 2).sum() / total
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("lens_blur", {"sigma_px": 1.3}),
+        ("defocus", {"blur_px_per_dioptre": 2.0, "focus_m": 1.5}),
+        ("field_curvature", {"sigma_corner_px": 6.0}),
+        ("motion_blur", {"dx_px": 5.0, "dy_px": -2.0}),
+        ("veiling_glare", {"share": 0.2}),
+        ("bayer_demosaic", {"amount": 1.0}),
+    ],
+)
+def test_even_light_stays(name, values):
+    """A blur that makes light or loses it would be read as exposure."""
+    v = view()
+    image = np.full((v.height + 2 * v.margin, v.width + 2 * v.margin, 3), 0.37, np.float32)
+    out = FOUND[name].apply(image, v, parameters(name, **values), None)
+    np.testing.assert_allclose(out, 0.37, atol=2e-6)
+
+
+@pytest.mark.parametrize("sigma", [0.1, 0.3, 0.49, 0.51, 0.8, 1.7, 3.3])
+@pytest.mark.parametrize("blur", [filters.gaussian, filters.disc])
+def test_blurs_spread_what_they_say(blur, sigma):
+    """Sampled kernels of a fraction of a pixel spread too little or too much, and jump; a fit would stick there."""
+    total, vx, vy = moments(blur(spot(view()), sigma))
+    assert total == pytest.approx(1, abs=1e-5)
+    assert (vx, vy) == pytest.approx((sigma**2, sigma**2), rel=2e-3)
+
+
+@pytest.mark.parametrize(("dx", "dy"), [(0.3, 0), (1.0, 0.0), (0, 4.0), (3.0, -2.0), (10.5, 7.0)])
+def test_motion_spreads_what_it_says(dx, dy):
+    """A smear of length L has the variance L^2 / 12 along its way."""
+    kernel = smear_kernel(dx, dy)
+    _, vx, vy = moments(kernel[..., None])
+    assert kernel.sum() == pytest.approx(1)
+    assert vx + vy == pytest.approx((dx * dx + dy * dy) / 12, rel=1e-3)
+
+
+def test_varying_blur_is_the_even_one_where_it_is_even():
+    """Mixing levels must not change the spread."""
+    v = view()
+    sigma = np.full((v.height + 2 * v.margin, v.width + 2 * v.margin), 1.2)
+    total, vx, vy = moments(filters.varying_blur(spot(v), sigma))
+    assert (total, vx, vy) == pytest.approx((1, 1.44, 1.44), rel=1e-3)
+
+
+def test_photon_transfer():
+    """EMVA 1288: variance against mean is a line whose slope is the gain, whose foot is the read noise."""
+    v = view(encoding="linear", width=400, height=400)
+    gain, read = 0.1, 1.5
+    means, variances = [], []
+    for level in (0.1, 0.3, 0.6, 0.8):
+        radiance = np.full((v.height + 2 * v.margin, v.width + 2 * v.margin), level)
+        chosen = [("sensor_noise", {"gain_dn_per_e": gain, "read_noise_dn": read})]
+        image = pipeline.form_image(radiance, v, chosen, 0, np.random.default_rng(7))
+        means.append(image.mean())
+        variances.append(image.var())
+    slope, foot = np.polyfit(means, variances, 1)
+    assert slope == pytest.approx(gain, rel=0.03)
+    assert foot == pytest.approx(read**2, rel=0.15)
+
+
+def test_declared_noise_and_the_expected_image():
+    """The declared deviation, whatever the level; none where the expected image is asked for; seeds decide."""
+    v = view()
+    radiance = np.full((v.height + 2 * v.margin, v.width + 2 * v.margin), 0.3)
+    clean = pipeline.form_image(radiance, v, [], 2.0, None)
+    noisy = pipeline.form_image(radiance, v, [], 2.0, np.random.default_rng(1))
+    assert (noisy - clean).std() == pytest.approx(2.0, rel=0.03)
+    assert np.ptp(clean) == 0
+    np.testing.assert_array_equal(noisy, pipeline.form_image(radiance, v, [], 2.0, np.random.default_rng(1)))
+
+
+def test_fixed_pattern_belongs_to_the_pixels():
+    """The same in every capture and with any margin, another in another camera; its sizes are the parameters."""
+    chosen = [("fixed_pattern_noise", {"prnu": 0.02, "column_offset_dn": 1.0})]
+
+    def pattern(margin, seed):
+        v = view(encoding="linear", margin=margin)
+        radiance = np.full((v.height + 2 * margin, v.width + 2 * margin), 0.5)
+        return pipeline.form_image(radiance, v, chosen, 0, np.random.default_rng(seed))[..., 0] - 127.5
+
+    np.testing.assert_allclose(pattern(0, 1), pattern(40, 2), atol=1e-4)
+    columns = pattern(0, 1).mean(axis=0)
+    assert columns.std() == pytest.approx(1.0, rel=0.2)
+    assert (pattern(0, 1) - columns).std() == pytest.approx(0.02 * 127.5, rel=0.05)
+
+
+@pytest.mark.parametrize("name", ["srgb", "linear"])
+def test_encoding_round_trip(name):
+    """The table against IEC 61966-2-1, and back."""
+    linear = np.linspace(0, 1, 100_001).astype(np.float32)
+    grey = encoding.encode(linear, name)
+    exact = encoding.srgb_encode(linear.astype(float)) if name == "srgb" else linear
+    np.testing.assert_allclose(grey, 255 * exact, atol=0.002)
+    np.testing.assert_allclose(encoding.decode(grey, name), linear, atol=2e-5)
+    assert encoding.encode(np.float32([[-0.5, 2.0]]), name).tolist() == [[0, 255]]
+
+
+def test_exposure_clips():
+    """What exceeds full scale is lost."""
+    v = view()
+    radiance = np.full((v.height + 2 * v.margin, v.width + 2 * v.margin), 0.6)
+    assert pipeline.form_image(radiance, v, [("exposure", {"scale": 2.0})], 0, None).max() == 255
+
+
+def test_order_is_physical():
+    """Sharpening and JPEG work on a noisy image, whatever the order of the list."""
+    v = view()
+    radiance = noise_image(1, v, high=0.8)[..., 0]
+    chosen = [("jpeg_compression", {"loss": 30.0}), ("lens_blur", {"sigma_px": 1.0}), ("sharpening", {"amount": 0.5})]
+    images = [pipeline.form_image(radiance, v, c, 1.0, np.random.default_rng(2)) for c in (chosen, chosen[::-1])]
+    np.testing.assert_array_equal(*images)
+
+
+def test_jpeg_is_the_real_one():
+    """A whole quality gives what a camera's library gives for the rounded frame."""
+    v = view()
+    image = cv2.GaussianBlur(noise_image(1, v), (0, 0), 2)[..., None]
+    out = FOUND["jpeg_compression"].apply(image, v, {"loss": 40.0}, None)[FRAME]
+    _, data = cv2.imencode(".jpg", pipeline.to_uint8(image[FRAME]), [cv2.IMWRITE_JPEG_QUALITY, 60])
+    np.testing.assert_array_equal(out[..., 0], cv2.imdecode(data, cv2.IMREAD_GRAYSCALE))
+
+
+def test_tone_curve_keeps_ends_and_order():
+    """Black and white stay, and no two levels change places, over all of the bounds."""
+    levels = np.linspace(0, 255, 256, dtype=np.float32)[None, :, None]
+    known = FOUND["tone_curve"].PARAMETERS
+    for contrast in (known["contrast"].lower, known["contrast"].upper):
+        out = FOUND["tone_curve"].apply(levels, view(), {"gamma": 1.4, "contrast": contrast}, None)[0, :, 0]
+        assert (out[0], out[-1]) == (0, 255)
+        assert (np.diff(out) > -1e-4).all()
+
+
+def test_colour_only_where_there_is_colour():
+    """Grey images stay one channel; balance and mosaic make three; the frame has no margin."""
+    v = view()
+    radiance = np.full((v.height + 2 * v.margin, v.width + 2 * v.margin), 0.3)
+    assert pipeline.form_image(radiance, v, [("lens_blur", {"sigma_px": 1.0})], 1, None).shape == (140, 200, 1)
+    warm = pipeline.form_image(radiance, v, [("colour_balance", {"red_gain": 1.2})], 0, None)
+    assert warm.shape == (140, 200, 3)
+    assert warm[0, 0, 0] == pytest.approx(float(encoding.encode(np.float32([0.36]), "srgb")[0]), abs=0.01)
+    assert warm[0, 0, 1] == warm[0, 0, 2]
