@@ -32,6 +32,9 @@ def views_of(expand, register_json, camera, poses):
     captures = captures[captures.camera == camera].sort_values("capture")
     named = list(zip(captures.capture, captures.station, strict=True)) or [(s, s) for s in poses]
     for capture, station in named:
+        if station not in poses:
+            log.info("%s: no pose is known, so it has no twin image", capture)
+            continue
         yield capture, View(
             K, int(sizes.width), int(sizes.height), 0, poses[station], camera, capture, station,
             float(facts["exposure"]), facts["encoding"],

@@ -116,7 +116,7 @@ def test_a_twin_by_hand(tmp_path):
 def test_a_twin_that_extends_another(tmp_path):
     """A second campaign with the same camera starts from the first; what it says itself counts."""
     (tmp_path / "first").mkdir()
-    first = "effects:\n  - {effect: lens_blur, parameters: {sigma_px: 0.5}}\n  - {effect: vignetting, parameters: {a2: 0.1}}\n"
+    first = ENTRY.replace("0.8", "0.5") + "  - {effect: vignetting, parameters: {a2: 0.1}}\n"
     (tmp_path / "first/cam.yaml").write_text(first)
     twin = twin_of(tmp_path, ENTRY + "extends: first/cam.yaml\n")
     assert dict(twin.effects) == {"lens_blur": {"sigma_px": 0.8}, "vignetting": {"a2": 0.1, "a4": 0.0}}

@@ -1,0 +1,70 @@
+"""Exposing turns one render a station into one image a capture: own noise, the same bytes each time, colour if any."""
+
+import json
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+from effect_views import MARGIN, view
+from effects import pipeline
+from expose_twin import expose_twin
+from rig import tables
+from rig.geometry import split_pose
+from rig.render_store import write_station
+
+WIDTH, HEIGHT = 120, 80
+
+
+@pytest.fixture
+def run(tmp_path):
+    """Return a function that exposes a camera of two captures of one station and one of a station without pose."""
+    v = view(width=WIDTH, height=HEIGHT)
+    camera = [["cam", WIDTH, HEIGHT, v.K[0, 0], v.K[1, 1], v.K[0, 2], v.K[1, 2]]]
+    captures = [[f"a{k}", "cam", "s", k, f"a{k}.png", "", None, None] for k in (0, 1)]
+    captures.append(["lost", "cam", "nowhere", 0, "lost.png", "", None, None])
+    for name, rows, schema in (("cameras", camera, tables.CAMERAS), ("captures", captures, tables.CAPTURES)):
+        table = pd.DataFrame(rows, columns=list(schema.columns))
+        if name == "captures":
+            table = table.astype({"frame": "Int64", "t_s": float})
+        tables.write_table(table, tmp_path / f"expand/{name}.csv", schema)
+    facts = {"name": "c", "exposure": 1.0, "encoding": "srgb", "noise_dn": 2.0}
+    (tmp_path / "expand/scene.json").write_text(json.dumps(facts))
+    (tmp_path / "register.json").write_text(json.dumps(dict(zip(("fx", "fy", "cx", "cy"), camera[0][3:], strict=True))))
+    radiance = np.full((HEIGHT + 2 * MARGIN, WIDTH + 2 * MARGIN), 0.3, np.float32)
+    write_station(tmp_path / "render/cam", "s", radiance, MARGIN, "key")
+    pose = np.concatenate(split_pose(v.T_cam_world)).tolist()
+    entry = {"file": "cam/s.npz", "key": "key", "pose": pose}
+    (tmp_path / "render/cam.json").write_text(json.dumps({"stations": {"s": entry}}))
+
+    def expose(effects=(), seed="seed"):
+        paths = (tmp_path / "expand", tmp_path / "register.json", tmp_path / "render/cam.json")
+        expose_twin(*paths, "cam", list(effects), seed, tmp_path / "twin/cam")
+        assert [p.name for p in (tmp_path / "twin").iterdir()] == ["cam"]
+        return {p.stem: p.read_bytes() for p in sorted((tmp_path / "twin/cam").iterdir())}
+
+    return expose
+
+
+def pixels(data):
+    """Return the pixels of PNG bytes as they are stored."""
+    return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+
+
+def test_trials_share_the_render_not_the_noise(run):
+    """Noise repeated between trials would look like a fixed pattern; other noise in a second run like a change."""
+    first, again = run(), run()
+    assert first == again
+    assert list(first) == ["a0", "a1"]  # `lost` has no pose, hence no twin
+    a, b = (pixels(data).astype(float) for data in first.values())
+    assert a.shape == (HEIGHT, WIDTH)
+    assert (a - b).std() == pytest.approx(2.0 * np.sqrt(2), rel=0.05)
+    assert run(seed="other") != first
+
+
+def test_effects_reach_the_file(run):
+    """Red is brighter where red's gain is: channels are stored in the order that readers expect."""
+    images = run([["colour_balance", pipeline.nulls_of("colour_balance") | {"red_gain": 1.3}]])
+    blue, green, red = pixels(images["a0"]).reshape(-1, 3).mean(axis=0)
+    assert red > green + 5
+    assert blue == pytest.approx(green, abs=0.5)
