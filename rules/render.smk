@@ -16,6 +16,7 @@ rule render_stations:
         register_json=f"{RESULTS}/register/{{camera}}.json",
         code=modules(
             "job.py",
+            "blender/edges.py",
             "blender/renderer.py",
             "effects/base.py",
             "rig/geometry.py",

@@ -4,6 +4,7 @@ A station is rendered again only when the scene, the camera, its pose, the setti
 says so, and what has the right key is kept. A run that was killed goes on where it was.
 """
 
+import contextlib
 import hashlib
 import json
 import logging
@@ -11,18 +12,19 @@ import math
 import time
 from pathlib import Path
 
+import job
 import numpy as np
 import pandas as pd
-from tqdm import tqdm
-
-import job
 from effects import pipeline
 from rig import render_store, tables
 from rig.errors import InputError
 from rig.geometry import camera_matrix, make_pose, split_pose
 from rig.scene import load_scene
+from tqdm import tqdm
 
 log = logging.getLogger("twingap")
+
+RENDERING_CODE = ("blender/renderer.py", "blender/edges.py", "rig/plates.py")
 
 
 def station_poses(expand, register_csv, camera):
@@ -46,13 +48,24 @@ def station_poses(expand, register_csv, camera):
 
 
 def key_of(scene, K, size, margin, samples, device, version, T_cam_world):
-    """Return the hash of everything that decides a station's pixels."""
+    """Return the hash of everything that decides a station's pixels, the code that renders among it."""
     digest = hashlib.sha256()
+    for module in RENDERING_CODE:
+        digest.update((Path(__file__).parent / module).read_bytes())
     for plate in scene.plates:
         for array in (plate.T_world_plate, plate.x_m, plate.y_m, plate.white):
             digest.update(np.ascontiguousarray(array).tobytes())
     facts = [scene.white, scene.black, scene.ground, scene.background, scene.light, scene.highlight, scene.ink_spread_m]
-    facts += [scene.T_cam_mount.tolist(), K.tolist(), list(size), margin, samples, device, version, T_cam_world.tolist()]
+    facts += [
+        scene.T_cam_mount.tolist(),
+        K.tolist(),
+        list(size),
+        margin,
+        samples,
+        device,
+        version,
+        T_cam_world.tolist(),
+    ]
     digest.update(json.dumps(facts, sort_keys=True).encode())
     return digest.hexdigest()
 
@@ -62,7 +75,7 @@ def render_stations(expand, register_csv, register_json, camera, effects, settin
 
     effects [[name, parameters], ...] of the twin, scene effects; settings: device, edge_samples, overscan, threads.
     """
-    from blender.renderer import Renderer, blender_version
+    from blender.renderer import Renderer, blender_version, find_device
 
     expand, out = Path(expand), Path(out)
     scene = pipeline.scene_with_effects(load_scene(expand), [(n, p) for n, p in effects])
@@ -73,34 +86,26 @@ def render_stations(expand, register_csv, register_json, camera, effects, settin
     margin = math.ceil(settings["overscan"] * max(width, height))
     poses = station_poses(expand, register_csv, camera)
     folder = out.parent / camera
-    keys = {
-        s: key_of(scene, K, (width, height), margin, settings["edge_samples"], settings["device"], blender_version(), T)
-        for s, T in poses.items()
-    }
+    kind, device = find_device(settings["device"])
+    samples, version = settings["edge_samples"], blender_version()
+    keys = {s: key_of(scene, K, (width, height), margin, samples, device, version, T) for s, T in poses.items()}
     wanted = [s for s in poses if render_store.stored_key(folder, s) != keys[s]]
-    log.info("%s: %d stations, %d to render", camera, len(poses), len(wanted))
-    device, seconds = None, {}
+    log.info("%s: %d stations, %d to render on %s", camera, len(poses), len(wanted), device)
+    seconds = {}
     if wanted:
-        renderer = Renderer(
-            scene, K, width, height, margin, settings["edge_samples"], settings["threads"], settings["device"]
-        )
-        device = renderer.device
-        for station in tqdm(wanted, desc=f"rendering {camera}", unit="station"):
-            start = time.perf_counter()
-            radiance = renderer.render(poses[station])
-            if not np.isfinite(radiance).all():
-                raise InputError(f"{camera}, station {station}: Blender gave values that are no numbers")
-            render_store.write_station(folder, station, radiance, margin, keys[station])
-            seconds[station] = time.perf_counter() - start
-    _write_manifest(out, folder, poses, keys, margin, settings, device or _recorded_device(out), blender_version())
+        temporary = out.parent / f".{camera}_blender"
+        renderer = Renderer(scene, K, width, height, margin, samples, settings["threads"], temporary, kind)
+        with contextlib.closing(renderer):
+            for station in tqdm(wanted, desc=f"rendering {camera}", unit="station"):
+                start = time.perf_counter()
+                radiance = renderer.render(poses[station])
+                if not np.isfinite(radiance).all():
+                    raise InputError(f"{camera}, station {station}: Blender gave values that are no numbers")
+                render_store.write_station(folder, station, radiance, margin, keys[station])
+                seconds[station] = time.perf_counter() - start
+    _write_manifest(out, folder, poses, keys, margin, settings, device, version)
     with job.write_atomically(timing) as file:
         file.write("station,seconds\n" + "".join(f"{s},{t:.3f}\n" for s, t in seconds.items()))
-
-
-def _recorded_device(out):
-    """Return the device of an earlier manifest: nothing was rendered this time."""
-    store = out.parent / f".{out.stem}_device"
-    return store.read_text() if store.is_file() else "CPU"
 
 
 def _write_manifest(out, folder, poses, keys, margin, settings, device, version):
@@ -120,8 +125,6 @@ def _write_manifest(out, folder, poses, keys, margin, settings, device, version)
         "edge_samples": settings["edge_samples"],
         "stations": stations,
     }
-    with job.write_atomically(out.parent / f".{out.stem}_device") as file:
-        file.write(device)
     with job.write_atomically(out) as file:
         json.dump(manifest, file, indent=1, sort_keys=True)
 

@@ -1,26 +1,48 @@
 """Build a rig in Blender and render its linear radiance; one process renders many stations.
 
-Light is emission: radiance = reflectance. Flat ground then has no noise at all, and samples are spent where edges are:
-adaptive sampling stops a pixel after a few samples unless it or a neighbour varies. The pixel is a box one pixel wide;
-the centre of the frame's top-left pixel is (0, 0), OpenCV's convention.
+Light is emission: radiance = reflectance. Flat ground has no noise then, and needs one sample; samples are spent where
+edges are. A station is rendered twice: every pixel once, at its centre, with Blender's perspective camera; then the
+pixels that an edge crosses, and no other, hundreds of times, packed into a small picture by a camera of our own (an OSL
+shader that looks up which pixel each of its pixels stands for). docs/render.md holds what was measured.
+
+The pixel is a box one pixel wide; the centre of the frame's top-left pixel is (0, 0), OpenCV's convention.
 """
 
-import tempfile
+import contextlib
+import errno
+import hashlib
+import os
+import shutil
 from pathlib import Path
 
 import bpy
 import numpy as np
 from mathutils import Matrix
-
 from rig.geometry import invert_pose
 from rig.plates import spread_ink
 
-GROUND_BELOW_M = 0.001  # below the lowest plate: the ground is even, so its depth shows at the horizon alone
+from blender.edges import edge_pixels, edge_segments, overlooked_jumps
+
+GROUND_BELOW_M = 0.001  # below the lowest plate: the ground is even, so its depth does not show
 GROUND_REACH_M = 1e5
 SENSOR_MM = 36.0
-FLAT_SAMPLES = 4
+POINT_FILTER_PX = 0.01  # the narrowest filter that Cycles has: the pixel's centre
+BOX_FILTER_PX = 1.0
+PACKED_COLUMNS = 512
 ADAPTIVE_THRESHOLD = 1e-3
 BLACK, WHITE = 0, 1
+
+# Each pixel of the packed picture stands for one pixel of the camera; the table holds the ray through its centre.
+PACKED_CAMERA = """
+shader packed_camera(output point position = 0, output vector direction = 0, output color throughput = 1)
+{{
+    point raster = camera_shader_raster_position();
+    float x = raster[0] * {columns}, y = raster[1] * {rows};
+    float column = min(floor(x), {columns} - 1), row = min(floor(y), {rows} - 1);
+    color ray = texture("{table}", (column + 0.5) / {columns}, 1 - (row + 0.5) / {rows}, "interp", "closest");
+    direction = normalize(vector(ray[0] + (x - column - 0.5) * {step_x}, (y - row - 0.5) * {step_y} - ray[1], 1));
+}}
+"""
 
 
 def blender_version():
@@ -28,8 +50,8 @@ def blender_version():
     return bpy.app.version_string
 
 
-def choose_device(wanted):
-    """Return the device that Cycles will use: ``CPU``, or the GPU's kind and name where one is wanted and found."""
+def find_device(wanted):
+    """Return (kind, name) of what Cycles will use: CPU, or a GPU where one is ``wanted`` ("gpu") and found."""
     if wanted == "gpu":
         preferences = bpy.context.preferences.addons["cycles"].preferences
         for kind in ("OPTIX", "CUDA", "HIP", "METAL", "ONEAPI"):
@@ -42,65 +64,145 @@ def choose_device(wanted):
             if found:
                 for d in preferences.devices:
                     d.use = d.type == kind
-                bpy.context.scene.cycles.device = "GPU"
-                return f"{kind} {found[0].name}"
-    bpy.context.scene.cycles.device = "CPU"
-    return "CPU"
+                return kind, found[0].name
+    return "CPU", "CPU"
+
+
+def printed_plates(scene):
+    """Return the scene's plates as printed, their ink spread."""
+    return [spread_ink(p, scene.ink_spread_m) if scene.ink_spread_m else p for p in scene.plates]
 
 
 class Renderer:
     """A Blender scene of one rig and one camera; ``render`` gives a station's radiance.
 
-    scene is an effects.base.Scene, K the 3 x 3 intrinsics in pixels, margin the overscan in pixels on each side.
+    scene is an effects.base.Scene, K the 3 x 3 intrinsics in pixels, margin the overscan in pixels on each side,
+    edge_samples the samples of a pixel that an edge crosses, device a kind of ``find_device``; temporary files lie in
+    ``folder``, which ``close`` removes.
     """
 
-    def __init__(self, scene, K, width, height, margin, edge_samples, threads, device="cpu"):
+    def __init__(self, scene, K, width, height, margin, edge_samples, threads, folder, device="CPU"):
         bpy.ops.wm.read_factory_settings(use_empty=True)
-        self.scene, self.margin = scene, margin
+        self.scene, self.K, self.margin, self.edge_samples, self.device = scene, K, margin, edge_samples, device
         self.shape = (height + 2 * margin, width + 2 * margin)
-        self._set_up_cycles(edge_samples, threads)
-        self.device = choose_device(device)
+        self.folder = Path(folder).absolute()
+        shutil.rmtree(self.folder, ignore_errors=True)  # what a killed run left
+        self.folder.mkdir(parents=True)
+        bpy.context.preferences.filepaths.temporary_directory = str(self.folder)
+        self.plates = printed_plates(scene)
+        self.segments = edge_segments(self.plates)
+        self._set_up_cycles(threads)
         self._add_world()
         self._add_ground()
         self._add_plates()
-        self.camera = self._add_camera(K)
+        self.camera = self._add_camera()
+
+    def close(self):
+        """Remove the temporary files."""
+        shutil.rmtree(self.folder, ignore_errors=True)
 
     def render(self, T_cam_world):
-        """Return the linear radiance (H + 2m, W + 2m) float32 of the rig seen from a pose."""
-        T_world_cam = invert_pose(self.scene.T_cam_mount @ T_cam_world)
-        # Blender's cameras look along -z with y up
-        self.camera.matrix_world = Matrix((T_world_cam @ np.diag([1.0, -1.0, -1.0, 1.0])).tolist())
-        with tempfile.TemporaryDirectory() as folder:
-            path = str(Path(folder) / "render.exr")
-            bpy.context.scene.render.filepath = path
-            bpy.ops.render.render(write_still=True)
-            return self._read(path)
+        """Return the linear radiance (H + 2m, W + 2m) float32 of the rig seen from a pose.
 
-    def _read(self, path):
-        image = bpy.data.images.load(path)
+        Raises OSError where the disk is full.
+        """
+        pose = self.scene.T_cam_mount @ T_cam_world
+        # Blender's cameras look along -z with y up
+        self.camera.matrix_world = Matrix((invert_pose(pose) @ np.diag([1.0, -1.0, -1.0, 1.0])).tolist())
+        if self.device != "CPU":
+            return self._render_adaptively()
+        radiance = self._render_centres()
+        edges = edge_pixels(self.segments, self.K, pose, self.shape, self.margin)
+        edges |= overlooked_jumps(radiance, edges)
+        if edges.any():
+            radiance[edges] = self._render_packed(np.argwhere(edges))
+        return radiance
+
+    def _render_centres(self):
+        """Return what each pixel's centre sees."""
+        self.camera.data.type = "PERSP"
+        cycles = bpy.context.scene.cycles
+        cycles.samples, cycles.filter_width, cycles.use_adaptive_sampling = 1, POINT_FILTER_PX, False
+        return self._run(self.shape)
+
+    def _render_packed(self, pixels):
+        """Return the mean radiance (n,) over the squares of pixels (n, 2), rows and columns of the array."""
+        rows = -(-len(pixels) // PACKED_COLUMNS)
+        table = self._write_rays(pixels, rows)
+        self._use_packed_camera(table, rows)
+        cycles = bpy.context.scene.cycles
+        cycles.samples, cycles.filter_width, cycles.use_adaptive_sampling = self.edge_samples, BOX_FILTER_PX, False
         try:
-            pixels = np.empty(self.shape[0] * self.shape[1] * image.channels, np.float32)
-            image.pixels.foreach_get(pixels)
+            return self._run((rows, PACKED_COLUMNS)).ravel()[: len(pixels)]
+        finally:
+            table.unlink()
+
+    def _render_adaptively(self):
+        """Return the radiance by adaptive sampling: custom cameras do not run on every GPU."""
+        cycles = bpy.context.scene.cycles
+        cycles.samples, cycles.filter_width, cycles.use_adaptive_sampling = self.edge_samples, BOX_FILTER_PX, True
+        cycles.adaptive_threshold, cycles.adaptive_min_samples = ADAPTIVE_THRESHOLD, 1
+        return self._run(self.shape)
+
+    def _write_rays(self, pixels, rows):
+        """Write the rays (x/z, y/z) through the centres of pixels as a picture; return its path, new for each call."""
+        rays = np.zeros((rows * PACKED_COLUMNS, 4), np.float32)
+        xy = pixels[:, ::-1] - self.margin
+        rays[: len(pixels), :2] = (xy - self.K[:2, 2]) / (self.K[0, 0], self.K[1, 1])
+        image = bpy.data.images.new("rays", PACKED_COLUMNS, rows, float_buffer=True, is_data=True)
+        path = self.folder / f"rays_{hashlib.sha256(rays.tobytes()).hexdigest()[:16]}.exr"
+        try:
+            image.pixels.foreach_set(rays.ravel())
+            image.filepath_raw, image.file_format = str(path), "OPEN_EXR"
+            with _disk_full(path):
+                image.save()
         finally:
             bpy.data.images.remove(image)
-        pixels = pixels.reshape(*self.shape, -1)[::-1, :, 0]
-        return np.ascontiguousarray(pixels)
+        return path
 
-    def _set_up_cycles(self, edge_samples, threads):
+    def _use_packed_camera(self, table, rows):
+        """Compile the packed camera for Cycles; not by Blender's operator, whose oslquery the wheel lacks."""
+        import _cycles  # built into Blender: there once bpy is loaded
+
+        source, compiled = self.folder / "packed.osl", self.folder / "packed.oso"
+        source.write_text(
+            PACKED_CAMERA.format(
+                columns=float(PACKED_COLUMNS),
+                rows=float(rows),
+                table=table.as_posix(),
+                step_x=float(1 / self.K[0, 0]),
+                step_y=float(1 / self.K[1, 1]),
+            )
+        )
+        if not _cycles.osl_compile(str(source), str(compiled)):
+            raise RuntimeError(f"Blender's OSL compiler refused {source}")
+        camera, code = self.camera.data, compiled.read_text()
+        camera.type, camera.custom_mode = "CUSTOM", "INTERNAL"
+        camera.custom_bytecode, camera.custom_bytecode_hash = code, hashlib.sha256(code.encode()).hexdigest()[:32]
+
+    def _run(self, shape):
+        """Render and return the pixels (rows, columns) float32."""
+        render, path = bpy.context.scene.render, self.folder / "render.exr"
+        render.resolution_y, render.resolution_x = shape
+        render.filepath = str(path)
+        with _disk_full(path):
+            bpy.ops.render.render(write_still=True)
+        pixels = _read_exr(path, shape)
+        path.unlink()
+        return pixels
+
+    def _set_up_cycles(self, threads):
         s = bpy.context.scene
         s.render.engine = "CYCLES"
-        s.cycles.samples = edge_samples
-        s.cycles.use_adaptive_sampling = True
-        s.cycles.adaptive_threshold = ADAPTIVE_THRESHOLD
-        s.cycles.adaptive_min_samples = FLAT_SAMPLES
+        s.cycles.device = "CPU" if self.device == "CPU" else "GPU"
         s.cycles.use_denoising = False
         s.cycles.seed = 0
         s.cycles.max_bounces = 0
         s.cycles.pixel_filter_type = "BOX"
-        s.cycles.filter_width = 1.0
+        s.cycles.sampling_pattern = "TABULATED_SOBOL"
+        s.cycles.film_exposure = 1.0
         s.render.use_persistent_data = True
         s.render.threads_mode, s.render.threads = "FIXED", threads
-        s.render.resolution_y, s.render.resolution_x = self.shape
         s.render.resolution_percentage = 100
         s.render.film_transparent = False
         s.render.use_compositing = s.render.use_sequencer = False
@@ -112,18 +214,24 @@ class Renderer:
         s.render.dither_intensity = 0
 
     def _add_world(self):
+        """Add the background above the horizon; below it the ground goes on where its mesh ends."""
         world = bpy.data.worlds.new("background")
         bpy.context.scene.world = world
+        world.cycles.sampling_method = "NONE"
         world.use_nodes = True
         tree = world.node_tree
         tree.nodes.clear()
-        background = tree.nodes.new("ShaderNodeBackground")
-        background.inputs["Color"].default_value = (1, 1, 1, 1)
-        background.inputs["Strength"].default_value = self.scene.background
-        tree.links.new(background.outputs[0], tree.nodes.new("ShaderNodeOutputWorld").inputs[0])
+        emission = tree.nodes.new("ShaderNodeBackground")
+        emission.inputs["Color"].default_value = (1, 1, 1, 1)
+        direction = tree.nodes.new("ShaderNodeSeparateXYZ")
+        tree.links.new(tree.nodes.new("ShaderNodeTexCoord").outputs["Generated"], direction.inputs[0])
+        above = _math(tree, "GREATER_THAN", direction.outputs["Z"], _value(tree, 0.0))
+        step = _math(tree, "MULTIPLY", above, _value(tree, self.scene.background - self.scene.ground))
+        tree.links.new(_math(tree, "ADD", step, _value(tree, self.scene.ground)), emission.inputs["Strength"])
+        tree.links.new(emission.outputs[0], tree.nodes.new("ShaderNodeOutputWorld").inputs[0])
 
     def _add_ground(self):
-        lowest = min((float(p.grid_world()[..., 2].min()) for p in self.scene.plates), default=0.0)
+        lowest = min((float(p.grid_world()[..., 2].min()) for p in self.plates), default=0.0)
         z, r = min(lowest, 0.0) - GROUND_BELOW_M, GROUND_REACH_M
         mesh = bpy.data.meshes.new("ground")
         mesh.from_pydata([(-r, -r, z), (r, -r, z), (r, r, z), (-r, r, z)], [], [(0, 1, 2, 3)])
@@ -132,9 +240,8 @@ class Renderer:
 
     def _add_plates(self):
         vertices, faces, kinds = [], [], []
-        for plate in self.scene.plates:
-            printed = spread_ink(plate, self.scene.ink_spread_m) if self.scene.ink_spread_m else plate
-            grid = printed.grid_world()
+        for plate in self.plates:
+            grid = plate.grid_world()
             rows, columns = grid.shape[:2]
             first = len(vertices)
             vertices.extend(map(tuple, grid.reshape(-1, 3).tolist()))
@@ -142,7 +249,7 @@ class Renderer:
                 for i in range(columns - 1):
                     a = first + j * columns + i
                     faces.append((a, a + 1, a + columns + 1, a + columns))
-                    kinds.append(WHITE if printed.white[j, i] else BLACK)
+                    kinds.append(WHITE if plate.white[j, i] else BLACK)
         mesh = bpy.data.meshes.new("plates")
         mesh.from_pydata(vertices, [], faces)
         for name, level in (("black", self.scene.black), ("white", self.scene.white)):
@@ -150,7 +257,8 @@ class Renderer:
         mesh.polygons.foreach_set("material_index", kinds)
         bpy.context.collection.objects.link(bpy.data.objects.new("plates", mesh))
 
-    def _add_camera(self, K):
+    def _add_camera(self):
+        K = self.K
         height, width = self.shape
         data = bpy.data.cameras.new("camera")
         data.sensor_fit, data.sensor_width = "HORIZONTAL", SENSOR_MM
@@ -172,8 +280,9 @@ class Renderer:
     # -- materials ----------------------------------------------------------------------------------------------------
 
     def _material(self, name, radiance, glossy):
-        """Return a material that emits radiance, under the scene's light, a glossy lamp's reflection added on plates."""
+        """Return a material that emits radiance, under the scene's light, with a glossy lamp's reflection on plates."""
         material = bpy.data.materials.new(name)
+        material.cycles.emission_sampling = "NONE"  # no surface lights another
         material.use_nodes = True
         tree = material.node_tree
         tree.nodes.clear()
@@ -213,6 +322,37 @@ class Renderer:
         cosine = _math(tree, "MAXIMUM", z.outputs["Z"], _value(tree, 0.0))
         lobe = _math(tree, "POWER", cosine, _value(tree, 2 / lamp["roughness"] ** 2))
         return _math(tree, "MULTIPLY", lobe, _value(tree, lamp["strength"]))
+
+
+@contextlib.contextmanager
+def _disk_full(path):
+    """Turn Blender's error in writing a file into an OSError that names it, a full disk above all."""
+    try:
+        yield
+    except RuntimeError as error:
+        free = os.statvfs(Path(path).parent).f_bavail
+        raise OSError(errno.EIO if free else errno.ENOSPC, _reason(free, error), str(path)) from None
+
+
+def _reason(free, error):
+    return str(error).strip() if free else os.strerror(errno.ENOSPC)
+
+
+def _read_exr(path, shape):
+    """Return the pixels (rows, columns) float32 of an uncompressed EXR file of one 32-bit channel.
+
+    Its end is a chunk a row: the row's number, its size in bytes, its values (OpenEXR file layout). Read so, a large
+    render is in memory once; through Blender's images it would be there four times more.
+    """
+    rows, columns = shape
+    chunk = np.dtype([("row", "<i4"), ("bytes", "<i4"), ("values", "<f4", columns)])
+    size = path.stat().st_size
+    if size < rows * chunk.itemsize:
+        raise OSError(errno.ENOSPC, "render cut short, the disk is full", str(path))
+    chunks = np.fromfile(path, chunk, rows, offset=size - rows * chunk.itemsize)
+    if not (np.array_equal(chunks["row"], np.arange(rows)) and (chunks["bytes"] == 4 * columns).all()):
+        raise OSError(errno.EIO, "Blender wrote an EXR file of another layout", str(path))
+    return np.ascontiguousarray(chunks["values"])
 
 
 def _value(tree, number):
