@@ -254,7 +254,7 @@ def say_what_reruns(folder):
     if folder is None:
         print("What will rerun: unknown, as the campaign's folder is not known (give --campaign FOLDER).")
         return
-    done = snakemake(folder, "-n", "--quiet", "rules")
+    done = snakemake(folder, "-n", "--rerun-incomplete", "--quiet", "rules")
     summary = rerun_summary(done.stdout + done.stderr)
     if done.returncode or summary is None:
         print("What will rerun: Snakemake's dry run fails:\n" + (done.stdout + done.stderr)[-2000:])
@@ -297,7 +297,8 @@ def climb(path, campaign, camera, folder, cores):
             return
         adopt(path, campaign, camera, missing)
         print("Diagnosing again ...", flush=True)
-        done = snakemake(folder, "--cores", str(cores), "--quiet", "all", f"results/{campaign}/diagnosis/{camera}.json")
+        target = f"results/{campaign}/diagnosis/{camera}.json"
+        done = snakemake(folder, target, "--cores", str(cores), "--rerun-incomplete", "--quiet", "all")
         if done.returncode:
             raise InputError(f"the diagnosis failed:\n{(done.stdout + done.stderr)[-3000:]}")
     print(f"Stopped after {MOST_ROUNDS} rounds; the verdict is {read_diagnosis(campaign, camera)['verdict']}.")

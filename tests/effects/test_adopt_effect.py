@@ -1,6 +1,7 @@
 """Adopting is one command, keeps what people wrote, and leaves nothing half-written."""
 
 import json
+import subprocess
 
 import adopt_effect
 import pytest
@@ -126,3 +127,40 @@ def test_a_wrong_file_is_not_built_upon(place):
     assert run("cam", "ink_spread") == 1
     assert place.read_text() == before
     assert [p.name for p in place.parent.iterdir()] == ["cam.yaml"]
+
+
+DRY_RUN = """\
+Job stats:
+job                count
+---------------  -------
+all                    1
+expose_twin            1
+render_stations        2
+total                  4
+
+Reasons:
+"""
+
+
+def test_auto_climbs_until_nothing_is_left(place, monkeypatch, capsys):
+    """All of the climb is adopted and diagnosed again; at the end stands the verdict and what will rerun."""
+    folder = place.parents[3] / "data/raw/c"
+    folder.mkdir(parents=True)
+    (folder / "campaign.yaml").write_text("name: c\n")
+    diagnosis = place.parents[3] / "results/c/diagnosis/cam.json"
+    calls = []
+
+    def snakemake(campaign, *arguments):
+        calls.append(arguments)
+        if "-n" not in arguments:
+            after = json.loads(diagnosis.read_text()) | {"verdict": "adequate", "steps": []}
+            diagnosis.write_text(json.dumps(after))
+        return subprocess.CompletedProcess([], 0, DRY_RUN, "")
+
+    monkeypatch.setattr(adopt_effect, "snakemake", snakemake)
+    assert run("cam", "--auto") == 0
+    assert [n for n, _ in load_twin(place).effects] == ["ink_spread", "lens_blur"]
+    assert calls[0][0] == "results/c/diagnosis/cam.json" and len(calls) == 2
+    said = capsys.readouterr().out
+    assert "verdict on cam is now: adequate" in said
+    assert "expose_twin x 1, render_stations x 2" in said and "Nothing is rendered" not in said
