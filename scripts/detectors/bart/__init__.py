@@ -78,11 +78,12 @@ def read_blurred(image, light, quad, size, words, owner, levels, plane, margins)
 
 
 @njit(cache=True, nogil=True)
-def read_quads(image, grey, light, quads, size, words, owner, wrong_bits, least_contrast, most_wrong):
+def read_quads(image, grey, light, quads, size, words, owner, wrong_bits, least_contrast, most_wrong, exact):
     """Return (corners float64 (m, 4, 2), owner int32 (m, 3), distance int32 (m,), contrast (m,)) of readable quads.
 
     grey, light  (256,) tables: the grey levels as they are, and the light behind them
-    quads  float64 (n, 4, 2), pixels of ``image``; corners come in the marker's own order.
+    quads  float64 (n, 4, 2), pixels of ``image``; corners come in the marker's own order, measured where ``exact``,
+           else as in ``quads``.
     """
     n = len(quads)
     corners = np.empty((n, 4, 2))
@@ -125,7 +126,7 @@ def read_quads(image, grey, light, quads, size, words, owner, wrong_bits, least_
             continue
         turn = owner[entry, 2]
         for c in range(4):
-            corners[m, c] = refined[(c + turn) % 4]
+            corners[m, c] = refined[(c + turn) % 4] if exact else quads[k, (c + turn) % 4]
         found[m] = owner[entry]
         distance[m] = wrong
         contrasts[m] = contrast
@@ -192,23 +193,22 @@ class Bart:
             boxes = rest
         return more
 
-    def _quads(self, small, method):
+    def _dark(self, small, method):
+        """Return the binary image of what is dark, with a border of zeros and rows of whole words."""
         h, w = small.shape
         padded = np.zeros((h + 2, (w + 2 + 7) // 8 * 8), np.uint8)
         dark = padded[1 : h + 1, 1 : w + 1]
-        if method == "mean":
-            cv2.adaptiveThreshold(
-                small,
-                255,
-                cv2.ADAPTIVE_THRESH_MEAN_C,
-                cv2.THRESH_BINARY_INV,
-                self.p["window_px"] | 1,
-                self.p["offset_dn"],
-                dst=dark,
-            )
-        else:
+        if method == "otsu":
             cv2.threshold(small, 0, 255, cv2.THRESH_BINARY_INV | cv2.THRESH_OTSU, dst=dark)
-        quads, boxes = find_quads(padded, padded.view(np.uint64), 6, max(h, w))
+        else:
+            way = (cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY_INV)
+            cv2.adaptiveThreshold(small, 255, *way, self.p["window_px"] | 1, self.p["offset_dn"], dst=dark)
+        return padded
+
+    def _quads(self, small, method):
+        """Return (quads, boxes) of find_quads, pixels of ``small``."""
+        dark = self._dark(small, method)
+        quads, boxes = find_quads(dark, dark.view(np.uint64), 6, max(small.shape))
         return quads - 1, boxes - 1
 
     def read(self, grey, quads):
@@ -226,6 +226,7 @@ class Bart:
                 group["wrong_bits"],
                 float(self.p["contrast_dn"]),
                 self.p["wrong_bits"],
+                self.p["exact_corners"],
             )
             for k in range(len(corners)):
                 found.append(

@@ -11,6 +11,7 @@ STEP_Y = np.array([0, 1, 1, 1, 0, -1, -1, -1], np.int64)
 STEP_X = np.array([1, 1, 0, -1, -1, -1, 0, 1], np.int64)
 
 RETRY_PX = 32  # longer side of the largest region that a finer look may help: larger ones lack no pixels
+THIN_PX = 48  # the same for regions of thin lines
 SHAPELESS_PX = 14  # below it a marker's shape may be lost; above it, what is no quadrilateral is no marker
 
 # Cubic interpolation (Keys 1981, a = -0.75 as in OpenCV) half way between the pixels of a doubled image.
@@ -291,7 +292,9 @@ def find_quads(binary, words, smallest, largest):
         if fit == 2:
             quads[n_quads] = quad
             n_quads += 1
-        if max(w, h) <= RETRY_PX and (fit > 0 or max(w, h) < SHAPELESS_PX):
+        small = max(w, h) <= RETRY_PX and (fit > 0 or max(w, h) < SHAPELESS_PX)
+        # A thin frame, seen at a grazing angle, falls to pieces when shrunk: little area in a large box.
+        if small or (fit == 0 and max(w, h) <= THIN_PX and min(w, h) >= 8 and 4 * area < w * h):
             boxes[n_boxes, 0], boxes[n_boxes, 1], boxes[n_boxes, 2], boxes[n_boxes, 3] = x0, y0, x1, y1
             n_boxes += 1
     return quads[:n_quads], boxes[:n_boxes]
