@@ -17,6 +17,7 @@ from rig.campaign import load_campaign
 from rig.config import check_choice, check_config
 from rig.errors import InputError
 from rig.experiment import load_experiment
+from rig.images import check_captures
 from verify_data import tracked_listing, tracked_md5
 
 LOCK = "envs/twingap.lock.txt"
@@ -29,7 +30,9 @@ def checked():
         done = check_config(dict(config))
         check_names(done)
         if done["campaign"]:
-            return done, load_campaign(done["campaign"])
+            campaign = load_campaign(done["campaign"])
+            check_captures(campaign)
+            return done, campaign
         return done, load_experiment(done["experiment"])
     except InputError as error:
         end_with(error)

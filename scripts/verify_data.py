@@ -1,4 +1,4 @@
-"""Verify: a campaign's files against the hashes in its .dvc file; every changed, missing or extra file is named."""
+"""Verify: a campaign's files against the hashes in its .dvc file; changed, missing and extra files are named."""
 
 import hashlib
 import json

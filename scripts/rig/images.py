@@ -11,6 +11,7 @@ from rig.errors import InputError
 
 LARGEST_PIXELS = 100_000_000
 UNPACKED_AT_ONCE = 1 << 20
+PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 PNG_START = b"\x89PNG\r\n\x1a\n"
 PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # samples a pixel by colour type; a palette's index is one
 HOW = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
@@ -129,12 +130,8 @@ def _holds_all_rows(data, pixels):
     return unpacker.eof if interlaced else unpacked >= needed
 
 
-def read_image(path, size=None):
-    """Return the pixels of an image as OpenCV gives them: uint8 or uint16, (H, W) where grey, else (H, W, 3) BGR.
-
-    size (width, height) that is declared for it. As the sensor saw it: EXIF's orientation is not applied. Raises
-    InputError for another size, other depths than 8 and 16 bits, too many pixels, truncation, nothing decoded.
-    """
+def check_header(path, size=None):
+    """Return (width, height) after checking what the header says against ``size`` and against what is read at all."""
     width, height, bits, _ = read_header(path)
     if width * height > LARGEST_PIXELS or width < 1 or height < 1:
         raise InputError(f"{path}: {width} x {height} pixels; at most {LARGEST_PIXELS:,} pixels are read")
@@ -142,6 +139,44 @@ def read_image(path, size=None):
         raise InputError(f"{path}: {width} x {height} pixels, but its camera has {size[0]} x {size[1]}")
     if bits not in (1, 2, 4, 8, 16):
         raise InputError(f"{path}: {bits} bits a channel; 8 or 16 are read")
+    return width, height
+
+
+def check_captures(campaign):
+    """Raise InputError for the first capture of a rig.campaign.Campaign whose header or end is wrong.
+
+    Cheap enough for every start: a failing job would take its earlier results away. All pixels are checked when they
+    are read.
+    """
+    table = campaign.folder / campaign.file.captures
+    for c in campaign.captures.itertuples():
+        camera = campaign.file.cameras[c.camera]
+        path = campaign.folder / c.image
+        try:
+            check_header(path, (camera.width, camera.height))
+            if not _ends_well(path):
+                check_complete(path, path.read_bytes())
+        except InputError as error:
+            raise InputError(f"{table}, capture {c.capture}, column image: {error}") from None
+
+
+def _ends_well(path):
+    """Return whether a file's last bytes are the end of a PNG or JPEG: it was not cut off. A TIFF has no end to see."""
+    with open(path, "rb") as file:
+        if file.read(2) in (b"II", b"MM"):
+            return True
+        file.seek(max(path.stat().st_size - 64, 0))
+        tail = file.read()
+    return tail.endswith(PNG_END) or b"\xff\xd9" in tail
+
+
+def read_image(path, size=None):
+    """Return the pixels of an image as OpenCV gives them: uint8 or uint16, (H, W) where grey, else (H, W, 3) BGR.
+
+    size (width, height) that is declared for it. As the sensor saw it: EXIF's orientation is not applied. Raises
+    InputError for another size, other depths than 8 and 16 bits, too many pixels, truncation, nothing decoded.
+    """
+    width, height = check_header(path, size)
     data = Path(path).read_bytes()
     check_complete(path, data)
     try:

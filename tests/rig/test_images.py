@@ -6,8 +6,10 @@ import zlib
 import cv2
 import numpy as np
 import pytest
+from rig.campaign import load_campaign
 from rig.errors import InputError
-from rig.images import read_header, read_image
+from rig.images import check_captures, read_header, read_image
+from tiny_campaign import lay_down
 
 COLOUR = np.random.default_rng(0).integers(0, 255, (60, 80, 3), dtype=np.uint8)
 
@@ -103,3 +105,21 @@ def test_a_jpeg_with_data_behind_its_end_is_whole(tmp_path):
     cv2.imwrite(str(path), COLOUR)
     path.write_bytes(path.read_bytes() + bytes(5000))
     assert read_image(path).shape == (60, 80, 3)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (lambda png_file: png_file[:-30], "truncated"),
+        (lambda png_file: b"", "not a PNG"),
+        (lambda png_file: png(40_000, 40_000, b"\0"), "40000 x 40000"),
+        (lambda png_file: png(63, 48, bytes(64) * 48), "63 x 48 pixels, but its camera has 64 x 48"),
+    ],
+)
+def test_a_campaign_with_a_bad_capture_is_refused_from_its_first_and_last_bytes(tmp_path, content, words):
+    campaign = load_campaign(lay_down(tmp_path / "c"))
+    check_captures(campaign)
+    path = campaign.folder / "images/right/a.png"
+    path.write_bytes(content(path.read_bytes()))
+    with pytest.raises(InputError, match=f"captures.csv, capture right_a, column image: .*{words}"):
+        check_captures(campaign)
