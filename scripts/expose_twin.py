@@ -54,17 +54,21 @@ def expose_twin(expand, register_json, manifest, camera, effects, seed, out):
     unfinished = out.with_name(out.name + ".unfinished")
     shutil.rmtree(unfinished, ignore_errors=True)
     unfinished.mkdir(parents=True)
-    views = list(views_of(expand, register_json, camera, poses))
-    for capture, view in tqdm(views, desc=f"exposing {camera}", unit="image", mininterval=5):
-        radiance, margin = read_station(Path(manifest).parent, record["stations"][view.station])
-        view = replace(view, margin=margin)
-        rng = np.random.default_rng(job.seed_of(seed, facts["name"], camera, capture, "expose"))
-        image = pipeline.to_uint8(pipeline.form_image(radiance, view, chosen, facts["noise_dn"], rng))
-        pixels = image[..., 0] if image.shape[2] == 1 else image[..., ::-1]
-        ok, data = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 3])
-        if not ok:
-            raise RuntimeError(f"{capture}: PNG encoding failed")
-        (unfinished / f"{capture}.png").write_bytes(data.tobytes())
+    try:
+        views = list(views_of(expand, register_json, camera, poses))
+        for capture, view in tqdm(views, desc=f"exposing {camera}", unit="image", mininterval=5):
+            radiance, margin = read_station(Path(manifest).parent, record["stations"][view.station])
+            view = replace(view, margin=margin)
+            rng = np.random.default_rng(job.seed_of(seed, facts["name"], camera, capture, "expose"))
+            image = pipeline.to_uint8(pipeline.form_image(radiance, view, chosen, facts["noise_dn"], rng))
+            pixels = image[..., 0] if image.shape[2] == 1 else image[..., ::-1]
+            ok, data = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 3])
+            if not ok:
+                raise RuntimeError(f"{capture}: PNG encoding failed")
+            (unfinished / f"{capture}.png").write_bytes(data.tobytes())
+    except BaseException:
+        shutil.rmtree(unfinished, ignore_errors=True)
+        raise
     shutil.rmtree(out, ignore_errors=True)
     unfinished.rename(out)
 

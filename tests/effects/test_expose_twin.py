@@ -10,6 +10,7 @@ from effect_views import MARGIN, view
 from effects import pipeline
 from expose_twin import expose_twin
 from rig import tables
+from rig.errors import InputError
 from rig.geometry import split_pose
 from rig.render_store import write_station
 
@@ -68,3 +69,10 @@ def test_effects_reach_the_file(run):
     blue, green, red = pixels(images["a0"]).reshape(-1, 3).mean(axis=0)
     assert red > green + 5
     assert blue == pytest.approx(green, abs=0.5)
+
+
+def test_a_lens_that_looks_too_far_leaves_nothing(run, tmp_path):
+    """Half a folder of images would be taken for all of them."""
+    with pytest.raises(InputError, match="render.overscan"):
+        run([["focal_length", {"ratio": 0.5}]])
+    assert list((tmp_path / "twin").iterdir()) == []
