@@ -29,6 +29,7 @@ SENSOR_MM = 36.0
 POINT_FILTER_PX = 0.01  # the narrowest filter that Cycles has: the pixel's centre
 BOX_FILTER_PX = 1.0
 PACKED_COLUMNS = 512
+LEAST_ROWS = 4  # Blender renders no smaller picture
 ADAPTIVE_THRESHOLD = 1e-3
 BLACK, WHITE = 0, 1
 
@@ -120,14 +121,14 @@ class Renderer:
 
     def _render_centres(self):
         """Return what each pixel's centre sees."""
-        self.camera.data.type = "PERSP"
+        self._use_pinhole()
         cycles = bpy.context.scene.cycles
         cycles.samples, cycles.filter_width, cycles.use_adaptive_sampling = 1, POINT_FILTER_PX, False
         return self._run(self.shape)
 
     def _render_packed(self, pixels):
         """Return the mean radiance (n,) over the squares of pixels (n, 2), rows and columns of the array."""
-        rows = -(-len(pixels) // PACKED_COLUMNS)
+        rows = max(LEAST_ROWS, -(-len(pixels) // PACKED_COLUMNS))
         table = self._write_rays(pixels, rows)
         self._use_packed_camera(table, rows)
         cycles = bpy.context.scene.cycles
@@ -139,10 +140,25 @@ class Renderer:
 
     def _render_adaptively(self):
         """Return the radiance by adaptive sampling: custom cameras do not run on every GPU."""
+        self._use_pinhole()
         cycles = bpy.context.scene.cycles
         cycles.samples, cycles.filter_width, cycles.use_adaptive_sampling = self.edge_samples, BOX_FILTER_PX, True
         cycles.adaptive_threshold, cycles.adaptive_min_samples = ADAPTIVE_THRESHOLD, 1
         return self._run(self.shape)
+
+    def _use_pinhole(self):
+        """Give Blender's perspective camera the intrinsics, in its own words."""
+        height, width = self.shape
+        camera, render = self.camera.data, bpy.context.scene.render
+        fx, fy = self.K[0, 0], self.K[1, 1]
+        aspect = float(fx / fy)
+        camera.type = "PERSP"
+        camera.lens = float(fx * SENSOR_MM / width)
+        render.pixel_aspect_x, render.pixel_aspect_y = (1.0, aspect) if aspect >= 1 else (1 / aspect, 1.0)
+        # array coordinates of the principal point, counted from the array's edge
+        cx, cy = self.K[0, 2] + self.margin + 0.5, self.K[1, 2] + self.margin + 0.5
+        camera.shift_x = float((width / 2 - cx) / width)
+        camera.shift_y = float((cy - height / 2) / width * aspect)
 
     def _write_rays(self, pixels, rows):
         """Write the rays (x/z, y/z) through the centres of pixels as a picture; return its path, new for each call."""
@@ -178,6 +194,9 @@ class Renderer:
             raise RuntimeError(f"Blender's OSL compiler refused {source}")
         camera, code = self.camera.data, compiled.read_text()
         camera.type, camera.custom_mode = "CUSTOM", "INTERNAL"
+        camera.shift_x = camera.shift_y = 0.0
+        render = bpy.context.scene.render
+        render.pixel_aspect_x = render.pixel_aspect_y = 1.0
         camera.custom_bytecode, camera.custom_bytecode_hash = code, hashlib.sha256(code.encode()).hexdigest()[:32]
 
     def _run(self, shape):
@@ -258,19 +277,8 @@ class Renderer:
         bpy.context.collection.objects.link(bpy.data.objects.new("plates", mesh))
 
     def _add_camera(self):
-        K = self.K
-        height, width = self.shape
         data = bpy.data.cameras.new("camera")
         data.sensor_fit, data.sensor_width = "HORIZONTAL", SENSOR_MM
-        fx, fy = K[0, 0], K[1, 1]
-        data.lens = float(fx * SENSOR_MM / width)
-        aspect = fx / fy
-        render = bpy.context.scene.render
-        render.pixel_aspect_x, render.pixel_aspect_y = (1.0, aspect) if aspect >= 1 else (1 / aspect, 1.0)
-        # array coordinates of the principal point, counted from the array's edge
-        cx, cy = K[0, 2] + self.margin + 0.5, K[1, 2] + self.margin + 0.5
-        data.shift_x = float((width / 2 - cx) / width)
-        data.shift_y = float((cy - height / 2) / width * aspect)
         data.clip_start, data.clip_end = 1e-3, 10 * GROUND_REACH_M
         camera = bpy.data.objects.new("camera", data)
         bpy.context.collection.objects.link(camera)

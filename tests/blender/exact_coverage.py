@@ -1,4 +1,4 @@
-"""The reference that renders are held to: cells of plates clipped to pixel squares, written apart from the project's synthesis.
+"""What renders are held to: cells of plates clipped to pixel squares, written apart from the project's synthesis.
 
 Every cell of a plate is projected corner by corner, cut off behind the camera, clipped to each pixel's square
 (Sutherland and Hodgman 1974), and its area counted; the horizon is clipped in the same way. Light is even.
