@@ -231,6 +231,23 @@ def twin_free(camera):
     return [list(f) for f in twin(camera).free]
 
 
+def configured_effects(wildcards):
+    """Return the effects of the camera's twin as configured, all stages; what is to be fitted at its start."""
+    return twin_starts(wildcards.camera)
+
+
+def free_parameters(wildcards):
+    """Return the parameters that the camera's twin leaves to be fitted."""
+    return twin_free(wildcards.camera)
+
+
+def configured_code(wildcards):
+    """Return the files of the effects of the camera's twin."""
+    return modules(
+        *[f"effects/{name}.py" for name, _ in twin_effects(wildcards.camera)]
+    )
+
+
 def twin_files():
     """Return the twins' files of all cameras."""
     paths = [Path(f"config/twins/{NAME}/{camera}.yaml") for camera in CAMERAS]

@@ -29,23 +29,6 @@ GAP_CODE = modules(
 CANDIDATES = config["diagnose"]["candidates"] or sorted(available_effects())
 
 
-def configured_effects(wildcards):
-    """Return the effects of the camera's twin as configured, all stages; what is to be fitted at its start."""
-    return twin_starts(wildcards.camera)
-
-
-def free_parameters(wildcards):
-    """Return the parameters that the camera's twin leaves to be fitted."""
-    return twin_free(wildcards.camera)
-
-
-def configured_code(wildcards):
-    """Return the files of the effects of the camera's twin."""
-    return modules(
-        *[f"effects/{name}.py" for name, _ in twin_effects(wildcards.camera)]
-    )
-
-
 wildcard_constraints:
     effect="|".join(sorted(available_effects())),
 
