@@ -19,6 +19,7 @@ rule detect_captures:
             "detectors/_opencv.py",
             "rig/geometry.py",
             "rig/plates.py",
+            "rig/tables.py",
         ),
         detector_code=detector_code,
     output:
@@ -36,7 +37,7 @@ rule detect_captures:
         parameters=detector_parameters,
         dictionaries=[],
         campaign=CAMPAIGN,
-        pins=locked("opencv-contrib-python-headless", "numpy", "numba"),
+        pins=locked("opencv-contrib-python-headless", "numpy", "numba", "pandas"),
     message:
         "Detecting markers of {wildcards.camera} with {wildcards.detector}"
     script:

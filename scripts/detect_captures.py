@@ -7,16 +7,27 @@ from pathlib import Path
 
 import job
 import pandas as pd
+import pandera.pandas as pa
 from detect_markers import CORNERS, read_image
 from detectors import contract
 from rig.errors import InputError
 from rig.geometry import camera_matrix
+from rig.tables import CAPTURES, MARKERS, read_table, write_table
 
 log = logging.getLogger("twingap")
 
 POSE = ["rx", "ry", "rz", "tx", "ty", "tz"]
 ALT = [f"{name}_alt" for name in POSE]
-COLUMNS = ["source", "capture", "dictionary", "id", *CORNERS, *POSE, "reproj_px", *ALT, "reproj_alt_px"]
+NUMBERS = [*CORNERS, *POSE, "reproj_px", *ALT, "reproj_alt_px"]
+DETECTIONS = pa.DataFrameSchema(
+    {"source": pa.Column(str, pa.Check.isin(["real", "twin"])), "capture": pa.Column(str)}
+    | {"dictionary": pa.Column(str), "id": pa.Column(int, coerce=True)}
+    | {name: pa.Column(float, nullable=name not in CORNERS, coerce=True) for name in NUMBERS},
+    strict=True,
+)
+TIMING = pa.DataFrameSchema(
+    {"source": pa.Column(str), "capture": pa.Column(str), "ms": pa.Column(float, coerce=True)}, strict=True
+)
 PROGRESS_S = 10  # seconds between two lines of progress
 
 
@@ -63,7 +74,7 @@ def detect_all(detector, images, code_of, K):
         if time.monotonic() - shown > PROGRESS_S:
             shown = time.monotonic()
             log.info("%d of %d images", number + 1, len(images))
-    detections = pd.DataFrame(rows, columns=COLUMNS)
+    detections = pd.DataFrame(rows, columns=list(DETECTIONS.columns))
     detections = detections.sort_values(["source", "capture", "dictionary", "id", *CORNERS], kind="stable")
     return detections, pd.DataFrame(timing, columns=["source", "capture", "ms"])
 
@@ -85,17 +96,16 @@ def detect_captures(
     campaign      folder that the images are relative to; None without photographs
     captures, markers, register, twin  expand/captures.csv, expand/markers.csv, register/CAMERA.json, twin/CAMERA
     """
-    rig = pd.read_csv(markers)
+    rig = read_table(markers, MARKERS)
     code_of = {(m.dictionary, m.id): m.code_m for m in rig.itertuples()}
     dictionaries = dictionaries or sorted(set(rig.dictionary)) or contract.DEFAULT_DICTIONARIES
     finder = contract.make(detector, dictionaries, parameters, where=f"config: detectors.{detector}")
-    images = images_of(camera, pd.read_csv(captures), campaign or ".", twin)
+    images = images_of(camera, read_table(captures, CAPTURES), campaign or ".", twin)
     if not images:
         raise InputError(f"{captures}: camera {camera} has no capture, and {twin} no twin image")
     found, milliseconds = detect_all(finder, images, code_of, nominal_camera(register))
-    for table, path in ((found, out), (milliseconds, timing)):
-        with job.write_atomically(path) as file:
-            table.to_csv(file, index=False, lineterminator="\n")
+    write_table(found, out, DETECTIONS)
+    write_table(milliseconds, timing, TIMING)
     log.info("%s, %s: %d markers in %d images", camera, detector, len(found), len(images))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from bench.marker_scenes import FOCAL_PX, scene
-from detect_captures import COLUMNS, detect_captures
+from detect_captures import DETECTIONS, detect_captures
 from rig.errors import InputError
 
 
@@ -17,20 +17,21 @@ def run(tmp_path):
     image, truth = scene(np.random.default_rng(0), 640, 480, 4, (60, 70), (10, 30))
     (tmp_path / "images").mkdir()
     (tmp_path / "twin").mkdir()
-    for name in ("b", "a"):
+    for name in ("7", "007"):  # names that a careless reader would take for one number
         cv2.imwrite(str(tmp_path / f"images/{name}.png"), image)
         cv2.imwrite(str(tmp_path / f"twin/{name}.png"), image)
     known = truth[:3]
-    pd.DataFrame({"dictionary": [t.dictionary for t in known], "id": [t.id for t in known], "code_m": 0.07}).to_csv(
-        tmp_path / "markers.csv", index=False
-    )
+    names = {"dictionary": [t.dictionary for t in known], "id": [t.id for t in known], "code_m": 0.07, "plate_m": 0.1}
+    zeros = dict.fromkeys(["x", "y", "z", "rx", "ry", "rz"], 0.0)
+    pd.DataFrame(names | zeros).to_csv(tmp_path / "markers.csv", index=False)
     K = {"fx": FOCAL_PX, "fy": FOCAL_PX, "cx": 319.5, "cy": 239.5}
     (tmp_path / "register.json").write_text(json.dumps(K))
 
     def go(photographs=True, parameters=None):
-        captures = [{"capture": c, "camera": "cam", "image": f"images/{c}.png"} for c in ("b", "a") if photographs]
-        captures.append({"capture": "x", "camera": "other", "image": "images/none.png"})
-        pd.DataFrame(captures).to_csv(tmp_path / "captures.csv", index=False)
+        rows = [[c, "cam", f"images/{c}.png"] for c in ("7", "007") if photographs] + [["x", "other", "none.png"]]
+        captures = pd.DataFrame(rows, columns=["capture", "camera", "image"])
+        captures[["station", "trial", "sequence", "frame", "t_s"]] = ["s", 0, None, None, None]
+        captures.to_csv(tmp_path / "captures.csv", index=False)
         detect_captures(
             "cam",
             "bart",
@@ -44,14 +45,14 @@ def run(tmp_path):
             tmp_path / "out.csv",
             tmp_path / "timing.csv",
         )
-        return pd.read_csv(tmp_path / "out.csv"), pd.read_csv(tmp_path / "timing.csv"), truth
+        return pd.read_csv(tmp_path / "out.csv", dtype={"capture": str}), pd.read_csv(tmp_path / "timing.csv"), truth
 
     return go
 
 
 def test_sorted_rows_of_both_sources_with_both_poses(run, tmp_path):
     table, timing, truth = run()
-    assert list(table.columns) == COLUMNS
+    assert list(table.columns) == list(DETECTIONS.columns)
     assert len(table) == 4 * len(truth)
     order = table[["source", "capture", "dictionary", "id"]]
     assert order.equals(order.sort_values(list(order.columns), ignore_index=True))
