@@ -1,4 +1,9 @@
-"""Find a calibration board's points in a photograph; board frame: x right, y up, origin at the lower left corner."""
+"""Find a calibration board's points in a photograph; board frame: x right, y up, z out of the paper, in metres.
+
+The origin is the lower left corner of the squares (of the lower left marker for a grid), which is the frame of
+rig.scene.target_plate; OpenCV's boards have y down from the top left corner. Only the order of points is turned:
+OpenCV's pixel convention (centre of the top-left pixel at (0, 0)) is ours.
+"""
 
 from dataclasses import dataclass
 
@@ -15,11 +20,23 @@ LEAST_POINTS = 8
 
 @dataclass
 class BoardPoints:
-    """Points of a board found in one image: board (n, 3) metres, image (n, 2) pixels, number of markers decoded."""
+    """Points of a board found in one image.
+
+    board    (n, 3) metres
+    image    (n, 2) pixels
+    markers  number of markers decoded
+    inverted whether a chessboard's black and white are swapped against our board, whichever way it is turned
+    """
 
     board: np.ndarray
     image: np.ndarray
     markers: int
+    inverted: bool = False
+
+
+def nothing_found(markers=0):
+    """Return BoardPoints without a point."""
+    return BoardPoints(np.zeros((0, 3)), np.zeros((0, 2)), markers)
 
 
 def _y_up(points, height_m):
@@ -30,7 +47,8 @@ def _y_up(points, height_m):
     return out
 
 
-def _grey(image):
+def grey_8bit(image):
+    """Return an image (H, W) or (H, W, 3), 8 or 16 bits, as uint8 (H, W)."""
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     return (grey // 257).astype(np.uint8) if grey.dtype == np.uint16 else grey
 
@@ -55,7 +73,7 @@ def _find_charuco(grey, board):
     corners, ids, _, marker_ids = cv2.aruco.CharucoDetector(cv_board).detectBoard(grey)
     found = 0 if marker_ids is None else len(marker_ids)
     if ids is None or not len(ids):
-        return BoardPoints(np.zeros((0, 3)), np.zeros((0, 2)), found)
+        return nothing_found(found)
     points = np.array(cv_board.getChessboardCorners())[np.ravel(ids)]
     return BoardPoints(_y_up(points, board.rows * board.square_m), np.reshape(corners, (-1, 2)).astype(float), found)
 
@@ -66,22 +84,47 @@ def _chessboard_points(board):
     return np.stack([(i + 1) * s, (board.rows - j) * s, 0 * i], axis=-1).reshape(-1, 3).astype(float)
 
 
+def _ordered_chessboard(grey, board, corners):
+    """Return BoardPoints of a chessboard's corners, turned so that black squares lie where our board has them.
+
+    The finders start at any of the board's corners, as its colours need not tell which way is up; our board has
+    a black square at the top left. Where no turn brings black to black, the board is ``inverted``.
+    """
+    grid = np.reshape(corners, (board.rows, board.columns, 2)).astype(float)
+    if np.cross([*(grid[0, -1] - grid[0, 0]), 0], [*(grid[-1, 0] - grid[0, 0]), 0])[2] < 0:
+        grid = grid[:, ::-1]  # numbered as in a mirror
+    turned = [np.rot90(grid, k) for k in range(4)]
+    turned = [g for g in turned if g.shape == grid.shape]
+    right = next((g for g in turned if _black_is_black(grey, g)), None)
+    grid = turned[0] if right is None else right
+    return BoardPoints(_chessboard_points(board), grid.reshape(-1, 2), 0, inverted=right is None)
+
+
+def _black_is_black(grey, grid):
+    """Return whether squares of even row + column, the top left one of the whole board being (0, 0), are the darker."""
+    centres = (grid[:-1, :-1] + grid[1:, :-1] + grid[:-1, 1:] + grid[1:, 1:]) / 4  # of squares (1, 1), (1, 2), ...
+    x = np.clip(centres[..., 0].round().astype(int), 0, grey.shape[1] - 1)
+    y = np.clip(centres[..., 1].round().astype(int), 0, grey.shape[0] - 1)
+    even = np.add.outer(np.arange(x.shape[0]), np.arange(x.shape[1])) % 2 == 0
+    value = grey[y, x].astype(float)
+    return value[even].mean() < value[~even].mean() if (~even).any() else True
+
+
 def _find_chessboard(grey, board):
     size = (board.columns, board.rows)
     flags = cv2.CALIB_CB_ADAPTIVE_THRESH + cv2.CALIB_CB_NORMALIZE_IMAGE
     found, corners = cv2.findChessboardCorners(grey, size, flags=flags)
     if not found:
-        return BoardPoints(np.zeros((0, 3)), np.zeros((0, 2)), 0)
+        return nothing_found()
     corners = cv2.cornerSubPix(grey, corners, SUBPIX_WINDOW, (-1, -1), SUBPIX_STOP)
-    return BoardPoints(_chessboard_points(board), corners.reshape(-1, 2).astype(float), 0)
+    return _ordered_chessboard(grey, board, corners)
 
 
 def find_chessboard_by_sectors(image, board):
-    """Return the BoardPoints of OpenCV's sector-based chessboard finder."""
-    found, corners = cv2.findChessboardCornersSB(_grey(image), (board.columns, board.rows))
-    if not found:
-        return BoardPoints(np.zeros((0, 3)), np.zeros((0, 2)), 0)
-    return BoardPoints(_chessboard_points(board), corners.reshape(-1, 2).astype(float), 0)
+    """Return the BoardPoints of OpenCV's sector-based chessboard finder (Duda and Frese 2018)."""
+    grey = grey_8bit(image)
+    found, corners = cv2.findChessboardCornersSB(grey, (board.columns, board.rows))
+    return _ordered_chessboard(grey, board, corners) if found else nothing_found()
 
 
 def _find_grid(grey, board):
@@ -95,25 +138,29 @@ def _find_grid(grey, board):
             points.append([[x, y, 0], [x + side, y, 0], [x + side, y + side, 0], [x, y + side, 0]])
             pixels.append(quad.reshape(4, 2))
     if not points:
-        return BoardPoints(np.zeros((0, 3)), np.zeros((0, 2)), 0)
+        return nothing_found()
     return BoardPoints(_y_up(points, height + board.gap_m), np.array(pixels, float).reshape(-1, 2), len(points))
 
 
 def find_board(image, board):
     """Return the BoardPoints of an image (H, W) or (H, W, 3); empty where the board is not seen."""
     finder = {"charuco": _find_charuco, "chessboard": _find_chessboard}.get(board.type, _find_grid)
-    return finder(_grey(image), board)
+    return finder(grey_8bit(image), board)
 
 
-def check_legacy_pattern(images, board):
-    """Raise InputError where markers decode, no corner is found, and the other legacy flag finds corners."""
+def check_legacy_pattern(images, board, where):
+    """Raise InputError where markers decode, no corner is found, and the other legacy flag finds corners.
+
+    where  file and key of the board's description, for the message
+    """
     if board.type != "charuco":
         return
     other = board.model_copy(update={"legacy_pattern": not board.legacy_pattern})
     for image in images:
         if find_board(image, board).markers >= 4 and len(find_board(image, other).image) >= LEAST_POINTS:
-            is_, was = ("true", "false") if other.legacy_pattern else ("false", "true")
+            said = ("false", "the legacy pattern") if other.legacy_pattern else ("true", "the pattern of today")
             raise InputError(
-                f"target.legacy_pattern is {was}, but the photographs show the board with legacy_pattern: {is_} "
-                "(markers are read, no corners fit; boards printed before OpenCV 4.6 have the legacy pattern)"
+                f"{where}: legacy_pattern is {said[0]} but the photographs show {said[1]} (all markers are read, no "
+                f"corner fits; boards printed before OpenCV 4.6 have the legacy pattern): set it to "
+                f"{str(other.legacy_pattern).lower()}"
             )

@@ -1,48 +1,67 @@
-"""Camera calibration from board points: pinhole, 5 and 8 coefficients, with uncertainties (cv2.calibrateCameraExtended)."""
+"""Camera calibration from board points: pinhole, 5 and 8 coefficients, with uncertainties (OpenCV, Zhang 2000)."""
 
 import cv2
 import numpy as np
 
-from rig.geometry import make_pose
+from rig.geometry import camera_matrix
 
 NO_DISTORTION = cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3
 MODELS = {"pinhole": NO_DISTORTION, "5": 0, "8": cv2.CALIB_RATIONAL_MODEL}
 NAMES = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 LEAST_VIEWS = 3
+STARTS = (0.6, 0.9, 1.2, 2.0)  # focal lengths tried, in widths: the constrained fit has local minima
 
 
-def calibrate(views, size, flags, K=None):
-    """Fit one model to views [BoardPoints] of an image size (width, height).
+def calibrate(views, size, flags, K=None, distortion=None):
+    """Fit one model to views, a dict of rig.boards.BoardPoints, of an image size (width, height).
 
-    Return {"rms_px", "parameters", "se", "views_rms_px", "poses"}; poses are T_cam_board (4, 4).
+    K (3, 3) and distortion are where the fit starts; without K OpenCV finds a start, for flat boards only.
+    Return {"rms_px", "parameters", "se", "views_rms_px"}: the RMS length of the residuals, over all and a view,
+    and one standard deviation of each parameter.
     """
-    board = [v.board.astype(np.float32) for v in views]
-    image = [v.image.astype(np.float32) for v in views]
-    rms, K, dist, rvecs, tvecs, se, _, per_view = cv2.calibrateCameraExtended(
-        board, image, size, K, None, flags=flags | (cv2.CALIB_USE_INTRINSIC_GUESS if K is not None else 0)
-    )
+    board = [v.board.astype(np.float32) for v in views.values()]
+    image = [v.image.astype(np.float32) for v in views.values()]
+    flags |= cv2.CALIB_USE_INTRINSIC_GUESS if K is not None else 0
+    K = None if K is None else K.copy()  # OpenCV fits in place
+    rms, K, dist, _, _, se, _, per_view = cv2.calibrateCameraExtended(board, image, size, K, distortion, flags=flags)
     count = 8 if flags & cv2.CALIB_RATIONAL_MODEL else 5
     values = [K[0, 0], K[1, 1], K[0, 2], K[1, 2], *np.ravel(dist)[:count]]
     return {
         "rms_px": float(rms),
         "parameters": dict(zip(NAMES, map(float, values), strict=False)),
         "se": dict(zip(NAMES, map(float, np.ravel(se)[: 4 + count]), strict=False)),
-        "views_rms_px": [float(v) for v in np.ravel(per_view)],
-        "poses": [make_pose(np.ravel(r), np.ravel(t)) for r, t in zip(rvecs, tvecs, strict=True)],
+        "views_rms_px": dict(zip(views, map(float, np.ravel(per_view)), strict=True)),
     }
 
 
-def calibrate_all(views, size):
-    """Return {model: fit} of MODELS, empty with fewer than three views."""
-    if len(views) < LEAST_VIEWS:
-        return {}
-    return {name: calibrate(views, size, flags) for name, flags in MODELS.items()}
+def matrix_of(fit):
+    """Return the camera matrix (3, 3) of a fit."""
+    return camera_matrix(*[fit["parameters"][k] for k in NAMES[:4]])
+
+
+def calibrate_all(views, size, K=None):
+    """Return {model: fit} of MODELS, empty with fewer than three views.
+
+    A model that holds the one before it and still fits worse has stuck: it is fitted again from there.
+    """
+    fits, before = {}, None
+    for name, flags in MODELS.items() if len(views) >= LEAST_VIEWS else ():
+        fit = calibrate(views, size, flags, K)
+        if before and fit["rms_px"] > before["rms_px"]:
+            distortion = np.array([before["parameters"][k] for k in NAMES[4:9]])
+            if flags & cv2.CALIB_RATIONAL_MODEL:
+                distortion = np.concatenate([distortion, np.zeros(3)])
+            fit = min(fit, calibrate(views, size, flags, matrix_of(before), distortion), key=lambda f: f["rms_px"])
+        fits[name] = before = fit
+    return fits
 
 
 def ideal_pinhole(views, size):
     """Fit the ideal twin of unknown intrinsics: fx = fy, principal point in the centre of the image, no distortion."""
     width, height = size
-    f = 1.2 * max(size)
-    K = np.array([[f, 0, (width - 1) / 2], [0, f, (height - 1) / 2], [0, 0, 1]])
     flags = NO_DISTORTION | cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_FIX_ASPECT_RATIO
-    return calibrate(views, size, flags, K)
+    fits = []
+    for start in STARTS:
+        f = start * max(size)
+        fits.append(calibrate(views, size, flags, camera_matrix(f, f, (width - 1) / 2, (height - 1) / 2)))
+    return min(fits, key=lambda fit: fit["rms_px"])

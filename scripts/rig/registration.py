@@ -4,43 +4,95 @@ import cv2
 import numpy as np
 from scipy.optimize import least_squares
 
-from rig.geometry import perturb_pose, project
+from rig.geometry import invert_pose, make_pose, perturb_pose, project
+from rig.plates import marker_corners_plate
 
-CORNER_SIGMA_PX = 0.5  # detectors' corners, biased as they are
-LOOSE = np.array([np.pi] * 3 + [100.0] * 3)
+CORNER_SIGMA_PX = 0.5  # least standard deviation of a detected corner
+HUBER = 3.0  # residuals beyond so many standard deviations count by their length, not its square
+NO_PRIOR = np.full(6, np.inf)
+BEHIND_PX = 1e4  # residual of a point behind the camera
 
 
-def register_pose(points_world, pixels, K, T_nominal, sigma_pose):
-    """Fit T_cam_world to points (n, 3) and pixels (n, 2) of the ideal pinhole.
+def register_pose(points_world, pixels, K, T_start, sigma_pose):
+    """Fit T_cam_world to points (n, 3) and pixels (n, 2) of the ideal pinhole, robustly (Huber 1964).
 
-    T_nominal (4, 4) or None; sigma_pose (6,) prior standard deviations (rad, m) about it, in the camera's frame.
-    Robust (soft L1). Return (T_cam_world, standard errors (6,), RMS length of the residuals in pixels).
+    T_start (4, 4) is where the fit starts and where the prior has its mean; sigma_pose (6,) the prior's standard
+    deviations (rad, m) in the camera's frame, inf for none. The corners' scatter is the larger of 0.5 px and what the
+    residuals themselves show (from their median), as a lens that the pinhole lacks moves corners too.
+    Return (T_cam_world, standard errors (6,) in the camera's frame, RMS length of the residuals in pixels).
     """
-    if T_nominal is None:
-        T_nominal, sigma_pose = _first_pose(points_world, pixels, K), LOOSE
 
-    def residuals(delta):
-        e = np.nan_to_num(project(K, perturb_pose(T_nominal, delta), points_world) - pixels, nan=1e3)
-        return np.concatenate([e.ravel() / CORNER_SIGMA_PX, delta / sigma_pose])
+    def errors_px(delta):
+        e = project(K, perturb_pose(T_start, delta), points_world) - pixels
+        return np.nan_to_num(e, nan=BEHIND_PX).ravel()
 
-    fit = least_squares(residuals, np.zeros(6), loss="soft_l1", x_scale=np.array([1e-3] * 6))
-    covariance = np.linalg.pinv(fit.jac.T @ fit.jac)
-    T = perturb_pose(T_nominal, fit.x)
-    e = project(K, T, points_world) - pixels
-    return T, np.sqrt(np.diag(covariance)), float(np.sqrt((e**2).sum(1).mean()))
+    delta, sigma_px = np.zeros(6), CORNER_SIGMA_PX
+    for _ in range(2):  # the second time with the scatter that the first has shown
+        fit = least_squares(
+            lambda d, s=sigma_px: np.concatenate([errors_px(d) / s, d / sigma_pose]),
+            delta,
+            loss=lambda z: _huber_but_prior(z, 2 * len(points_world)),
+            x_scale=1e-3,
+        )
+        delta = fit.x
+        sigma_px = max(CORNER_SIGMA_PX, 1.4826 * np.median(np.abs(errors_px(delta))))
+    se = np.sqrt(np.diag(np.linalg.pinv(fit.jac.T @ fit.jac)))
+    rms = np.sqrt((errors_px(delta) ** 2).sum() / len(points_world))
+    return perturb_pose(T_start, delta), se, float(rms)
 
 
-def _first_pose(points_world, pixels, K):
-    from rig.geometry import make_pose
+def _huber_but_prior(z, count):
+    """Return Huber's loss and its derivatives (3, n) of squared residuals; those after ``count`` stay squares."""
+    rho = np.stack([z, np.ones_like(z), np.zeros_like(z)])
+    far = z > HUBER**2
+    far[count:] = False
+    root = np.sqrt(z[far])
+    rho[:, far] = [2 * HUBER * root - HUBER**2, HUBER / root, -HUBER / (2 * root**3)]
+    return rho
 
-    ok, rvec, tvec = cv2.solvePnP(points_world.astype(float), pixels.astype(float), K, None, flags=cv2.SOLVEPNP_SQPNP)
-    if not ok:
-        return np.eye(4)
-    return make_pose(rvec.ravel(), tvec.ravel())
+
+def pose_from_markers(quads_world, quads_px, K, sides_m):
+    """Return a first T_cam_world from markers (n, 4, 3) and their corners (n, 4, 2), or None.
+
+    Each marker alone gives two poses (IPPE); the one that most corners of all markers agree with is taken, so that
+    wrong ids do not matter while they are fewer than half.
+    """
+    best, least = None, np.inf
+    for quad, pixels, side in zip(quads_world, quads_px, sides_m, strict=True):
+        plate = marker_corners_plate(side)
+        T_world_plate = _frame_of(quad)
+        _, rvecs, tvecs, _ = cv2.solvePnPGeneric(plate, pixels, K, None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
+        for rvec, tvec in zip(rvecs, tvecs, strict=True):
+            T = make_pose(rvec.ravel(), tvec.ravel()) @ invert_pose(T_world_plate)
+            e = np.linalg.norm(project(K, T, quads_world) - quads_px, axis=-1)
+            error = np.median(np.nan_to_num(e, nan=BEHIND_PX))
+            if error < least:
+                best, least = T, error
+    return best
+
+
+def _frame_of(quad):
+    """Return T_world_plate (4, 4) of a marker's corners (4, 3): top left, top right, bottom right, bottom left."""
+    x, y = quad[1] - quad[0], quad[0] - quad[3]
+    x, y = x / np.linalg.norm(x), y / np.linalg.norm(y)
+    T = np.eye(4)
+    T[:3, :3] = np.stack([x, y, np.cross(x, y)], axis=1)
+    T[:3, 3] = quad.mean(axis=0)
+    return T
+
+
+def pose_from_plane(points_board, pixels, K):
+    """Return a first T_cam_board from points (n, 3) of one plane and their pixels (n, 2): the better IPPE pose."""
+    _, rvecs, tvecs, errors = cv2.solvePnPGeneric(points_board, pixels, K, None, flags=cv2.SOLVEPNP_IPPE)
+    best = int(np.argmin(np.ravel(errors)))
+    return make_pose(rvecs[best].ravel(), tvecs[best].ravel())
 
 
 def warp_real_to_twin(K, T_registered, T_nominal):
-    """Return the homography (3, 3) that takes pixels of a capture to those of its station's render, on the plane z = 0."""
+    """Return the homography (3, 3) that takes pixels of a capture to those of its station's render, on the plane z = 0.
+
+    Points of that plane only; a lens that the pinhole lacks shows as what is left. For use with cv2.warpPerspective.
+    """
 
     def plane_to_image(T):
         return K @ T[:3, [0, 1, 3]]
