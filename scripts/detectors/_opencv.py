@@ -2,9 +2,9 @@
 
 import cv2
 import numpy as np
-from rig.plates import aruco_dictionary
 
 from detectors.contract import Detection, grey_image
+from rig.plates import aruco_dictionary
 
 
 class OpenCvDetector:

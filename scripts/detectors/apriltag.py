@@ -4,9 +4,9 @@ Here as the third party of the bench; corners are moved by half a pixel to OpenC
 """
 
 import numpy as np
-from rig.errors import InputError
 
 from detectors.contract import Detection, grey_image
+from rig.errors import InputError
 
 PARAMETERS = {
     # Factor by which the image is shrunk for the search: larger is faster and misses small tags.

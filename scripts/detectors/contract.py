@@ -12,6 +12,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+
 from rig.errors import InputError
 from rig.plates import aruco_dictionary, marker_corners_plate
 

@@ -16,6 +16,7 @@ sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests")]
 
 import cv2  # noqa: E402
 import numpy as np  # noqa: E402
+
 from bench.marker_scenes import compare, encode, scene, texture  # noqa: E402
 from detect_markers import read_images  # noqa: E402
 from detectors import bart, contract  # noqa: E402
@@ -38,6 +39,8 @@ ABLATIONS = {
     "threshold: both": {"threshold": "both"},
     "multi_scale: False": {"multi_scale": False},
     "exact_corners: False": {"exact_corners": False},
+    "finer_levels: 0": {"finer_levels": 0},
+    "finer_levels: 2": {"finer_levels": 2},
     "light: srgb": {"light": "srgb"},
     "light: linear": {"light": "linear"},
     "wrong_bits: 0": {"wrong_bits": 0},
@@ -264,7 +267,7 @@ def time_budget():
     binary = detector._dark(small, "mean")
     parts["adaptive threshold (half size)"] = milliseconds(detector._dark, small, "mean")
     words = binary.view(np.uint64)
-    parts["dark regions"] = milliseconds(bart_quads.components, binary, words)
+    parts["dark regions"] = milliseconds(bart_quads.components, words)
     limits = (6, max(small.shape))
     parts["borders and quads"] = milliseconds(bart_quads.find_quads, binary, words, *limits) - parts["dark regions"]
     quads, boxes = detector._quads(small, "mean")

@@ -33,11 +33,14 @@ PARAMETERS = {
     # How much darker than its surroundings, grey levels: more ignores noise and loses faint markers.
     "offset_dn": 7,
     # Search a shrunken image first, and finer only where a small region was not read: several times faster.
-    # False searches at full resolution only, and misses what only a magnified look can read.
+    # False searches at full resolution only, and misses what only a magnified look can read (finer_levels).
     "multi_scale": True,
     # Largest image that is searched whole, in megapixels; larger ones are halved until they fit. More finds
     # smaller markers and costs time in proportion.
     "coarse_mpx": 0.8,
+    # How many levels finer a small unread region is looked at, the finest being twice the image's resolution. Each
+    # halves the size of the smallest markers and costs a tenth more time, in textured images a quarter.
+    "finer_levels": 1,
     # Smallest contrast between paper and frame, grey levels: less reads fainter markers and more clutter.
     "contrast_dn": 15.0,
     # Wrong bits forgiven, if the dictionary's distance allows them with one to spare: more reads occluded and
@@ -61,7 +64,7 @@ LARGEST_MISS = 0.4  # contrasts, of one cell: a bit that is not the code's
 LARGEST_MISFIT = 0.13  # contrasts, RMS over all cells: more, and no code explains what is seen
 LEAST_LEAD = 1.35  # misfit of the next code over that of the best: less, and either may be meant
 LEAST_MODULE_PX = 5.0  # modules from which the spread of white is measured: smaller ones have no flat inside
-SPREAD_MARKERS = 6  # so many of the largest are enough: each tells the spread to a few thousandths of a pixel
+SPREAD_MARKERS = 4  # so many of the largest are enough: each tells the spread to a few thousandths of a pixel
 OTHER_LIGHT_PX = 0.15  # a spread that no sRGB image with ink on paper shows: tried again as linear light
 
 
@@ -179,7 +182,8 @@ class Bart:
     def _search_finer(self, grey, pyramid, boxes, found):
         """Look again where a small region was not read: one level finer each time, in the end twice magnified."""
         more = []
-        for level in range(len(pyramid) - 1, -1, -1):
+        coarse = len(pyramid) - 1
+        for level in range(coarse, max(coarse - self.p["finer_levels"], -1), -1):
             boxes = _not_inside(boxes * 2**level, found + more)
             quads, rest = search_boxes(
                 pyramid[max(level - 1, 0)],
@@ -201,8 +205,11 @@ class Bart:
         if method == "otsu":
             cv2.threshold(small, 0, 255, cv2.THRESH_BINARY_INV | cv2.THRESH_OTSU, dst=dark)
         else:
-            way = (cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY_INV)
-            cv2.adaptiveThreshold(small, 255, *way, self.p["window_px"] | 1, self.p["offset_dn"], dst=dark)
+            # The same as cv2.adaptiveThreshold, in half its time.
+            side = self.p["window_px"] | 1
+            above = cv2.blur(small, (side, side), borderType=cv2.BORDER_REPLICATE)
+            cv2.subtract(above, small, dst=above)
+            cv2.threshold(above, self.p["offset_dn"] - 1, 255, cv2.THRESH_BINARY, dst=dark)
         return padded
 
     def _quads(self, small, method):
@@ -327,6 +334,6 @@ def make_detector(dictionaries, **parameters):
         raise ValueError(f"threshold is mean, otsu or both, not {p['threshold']!r}")
     if p["light"] not in ("auto", "srgb", "linear"):
         raise ValueError(f"light is auto, srgb or linear, not {p['light']!r}")
-    if p["window_px"] < 3 or p["coarse_mpx"] <= 0 or p["wrong_bits"] < 0:
-        raise ValueError("window_px is at least 3, coarse_mpx positive, wrong_bits not negative")
+    if p["window_px"] < 3 or p["coarse_mpx"] <= 0 or p["wrong_bits"] < 0 or p["finer_levels"] < 0:
+        raise ValueError("window_px is at least 3, coarse_mpx positive, wrong_bits and finer_levels not negative")
     return Bart(dictionaries, p)

@@ -8,6 +8,7 @@ import math
 import cv2
 import numpy as np
 from numba import njit
+
 from rig.plates import aruco_dictionary
 
 NO_CODE = -1

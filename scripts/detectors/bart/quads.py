@@ -6,6 +6,10 @@ Compiled with numba; nothing here knows of codes. Pixel coordinates are those of
 import numpy as np
 from numba import njit
 
+from detectors.bart.codes import popcount
+
+ZERO, ONE, THREE, EIGHT, BYTE = (np.uint64(v) for v in (0, 1, 3, 8, 255))
+
 # Moore neighbourhood, clockwise from the right (y down).
 STEP_Y = np.array([0, 1, 1, 1, 0, -1, -1, -1], np.int64)
 STEP_X = np.array([1, 1, 0, -1, -1, -1, 0, 1], np.int64)
@@ -27,8 +31,8 @@ def _root(parent, k):
 
 
 @njit(cache=True, nogil=True)
-def _runs(binary, words):
-    """Return (row starts, first x, last x) of the runs of non-zero pixels; ``words`` is the image as uint64."""
+def _runs(words):
+    """Return (row starts, first x, last x) of the runs of dark pixels; ``words`` are eight pixels, 0 or 255, each."""
     rows, n_words = words.shape
     capacity = 1 << 14
     first = np.empty(capacity, np.int32)
@@ -48,21 +52,22 @@ def _runs(binary, words):
             grown[:n] = last[:n]
             last = grown
         inside = False
+        before = ZERO  # the last pixel of the word before, in the lowest byte
         for w in range(n_words):
             word = words[y, w]
-            if word == 0 and not inside:
-                continue
-            if inside and word == np.uint64(0xFFFFFFFFFFFFFFFF):
-                continue
-            for x in range(8 * w, 8 * w + 8):
-                dark = binary[y, x] != 0
-                if dark != inside:
-                    if dark:
-                        first[n] = x
-                    else:
-                        last[n] = x - 1
-                        n += 1
-                    inside = dark
+            # Bytes that differ from the one before them, the first pixel in the lowest byte (little endian).
+            changes = word ^ ((word << EIGHT) | before)
+            before = word >> np.uint64(56)
+            while changes != ZERO:
+                bit = popcount((changes & (~changes + ONE)) - ONE)
+                changes ^= BYTE << bit
+                x = 8 * w + np.int64(bit >> THREE)
+                if inside:
+                    last[n] = x - 1
+                    n += 1
+                else:
+                    first[n] = x
+                inside = not inside
         if inside:
             last[n] = 8 * n_words - 1
             n += 1
@@ -71,12 +76,12 @@ def _runs(binary, words):
 
 
 @njit(cache=True, nogil=True)
-def components(binary, words):
+def components(words):
     """Return int32 (n, 7) of the 8-connected dark regions: x0, y0, x1, y1 (inclusive), area, start x, start y.
 
     The start is the leftmost pixel of the top row, where a border may be followed from.
     """
-    starts, first, last = _runs(binary, words)
+    starts, first, last = _runs(words)
     rows = len(starts) - 1
     n = starts[rows]
     parent = np.arange(n).astype(np.int32)
@@ -268,10 +273,10 @@ def fit_quad(px, py, n, quad):
 def find_quads(binary, words, smallest, largest):
     """Return (quads float64 (n, 4, 2), boxes int32 (m, 4) of small regions that deserve a finer look).
 
-    binary    uint8 with a border of zeros of at least one pixel, non-zero is dark; words its uint64 view
+    binary    uint8 with a border of zeros of at least one pixel, 255 is dark; words its uint64 view
     smallest, largest  side of a region's bounding box, pixels: the longer one is within these limits
     """
-    regions = components(binary, words)
+    regions = components(words)
     quads = np.empty((len(regions), 4, 2))
     boxes = np.empty((len(regions), 4), np.int32)
     n_quads = n_boxes = 0
@@ -294,7 +299,7 @@ def find_quads(binary, words, smallest, largest):
             n_quads += 1
         small = max(w, h) <= RETRY_PX and (fit > 0 or max(w, h) < SHAPELESS_PX)
         # A thin frame, seen at a grazing angle, falls to pieces when shrunk: little area in a large box.
-        if small or (fit == 0 and max(w, h) <= THIN_PX and min(w, h) >= 8 and 4 * area < w * h):
+        if small or (fit == 0 and max(w, h) <= THIN_PX and min(w, h) >= 16 and 4 * area < w * h):
             boxes[n_boxes, 0], boxes[n_boxes, 1], boxes[n_boxes, 2], boxes[n_boxes, 3] = x0, y0, x1, y1
             n_boxes += 1
     return quads[:n_quads], boxes[:n_boxes]
@@ -343,9 +348,22 @@ def _binarised(crop, window, offset):
             column[x + 1] = total
         row, to = crop[y], out[y + 1]
         for x in range(w):
-            to[x + 1] = (row[x] + offset) * count < column[x + window] - column[x]
+            to[x + 1] = 255 if (row[x] + offset) * count < column[x + window] - column[x] else 0
         below -= crop[max(y - r, 0)]
     return out
+
+
+@njit(cache=True, nogil=True)
+def _is_plain(image, box, least):
+    """Return whether the middle of a box, where a marker would have bits, spans fewer grey levels than ``least``."""
+    cx, cy = 0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])
+    w, h = box[2] - box[0] + 1, box[3] - box[1] + 1
+    low, high = 255, 0
+    for y in range(max(int(cy - 0.35 * h), 0), min(int(cy + 0.35 * h) + 1, image.shape[0] - 1) + 1):
+        for x in range(max(int(cx - 0.35 * w), 0), min(int(cx + 0.35 * w) + 1, image.shape[1] - 1) + 1):
+            if abs(x - cx) / w + abs(y - cy) / h <= 0.42:
+                low, high = min(low, image[y, x]), max(high, image[y, x])
+    return high - low < least
 
 
 @njit(cache=True, nogil=True)
@@ -367,7 +385,7 @@ def search_boxes(image, boxes, doubled, window, offset, least_contrast):
         for y in range(crop.shape[0]):
             for x in range(crop.shape[1]):
                 low, high = min(low, crop[y, x]), max(high, crop[y, x])
-        if high - low < least_contrast:
+        if high - low < least_contrast or _is_plain(image, boxes[k], 0.2 * (high - low)):
             continue
         large = _doubled(image, x0, y0, x1, y1) if doubled else crop.astype(np.float32)
         binary = _binarised(large, window, offset)
