@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 from IPython.display import HTML
 from matplotlib.ticker import MaxNLocator
+
 from rig.geometry import camera_matrix, make_pose, project
 from rig.plates import marker_corners_world
 

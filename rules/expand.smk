@@ -4,7 +4,6 @@ Needs: campaign.yaml and its tables, or an experiment's files. Makes: expand/ of
 which is made anew only when something of that camera changed: another camera's new capture reruns nothing of it.
 """
 
-
 EXPAND_CODE = modules(
     "job.py",
     "rig/campaign.py",

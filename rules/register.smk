@@ -3,6 +3,11 @@
 Needs: expand/, the captures (checked against their .dvc file, where there is one). Makes: register/CAMERA.csv, .json.
 """
 
+CALIBRATION = {
+    camera: sorted(map(str, Path(f"{CAMPAIGN}/calibration/{camera}").glob("*")))
+    for camera in CAMERAS
+}
+
 
 rule register_captures:
     input:
@@ -12,15 +17,18 @@ rule register_captures:
             table=["cameras", "captures", "markers", "stations"],
         ),
         images=captures_of,
+        calibration=lookup(dpath="{camera}", within=CALIBRATION),
         code=modules(
             "job.py",
             "rig/boards.py",
             "rig/calibration.py",
             "rig/campaign.py",
+            "rig/errors.py",
             "rig/geometry.py",
             "rig/images.py",
             "rig/plates.py",
             "rig/registration.py",
+            "rig/safe_yaml.py",
             "rig/tables.py",
         ),
     output:

@@ -7,7 +7,9 @@ Every notebook is a rule of its own with the files that it reads, so that editin
 Another notebook: a rule like those below, and its name in PAGES.
 """
 
-PAGES = ["overview", "tables", "figure3", "figure4"]
+PAGES = ["overview", "tables", "figure3", "figure4"] + (
+    ["diagnosis"] if DIAGNOSIS else []
+)
 
 
 rule run_overview:
@@ -105,6 +107,22 @@ use rule run_figure3 as run_tables with:
         f"{RESULTS}/logs/run_tables.log",
     message:
         "Setting Tables 1 and 2 in words"
+
+
+use rule run_figure3 as run_diagnosis with:
+    input:
+        DIAGNOSIS,
+        notebook="notebooks/diagnosis.ipynb",
+        helpers=["notebooks/figures.py", "notebooks/diagnosis_figures.py"],
+        template="scripts/page_template.html.j2",
+        code=modules("job.py", "rig/geometry.py", "rig/plates.py"),
+    output:
+        notebook=f"{RESULTS}/notebooks/diagnosis.ipynb",
+        page=f"{RESULTS}/report/diagnosis.html",
+    log:
+        f"{RESULTS}/logs/run_diagnosis.log",
+    message:
+        "Telling what the twins lack"
 
 
 rule write_provenance:

@@ -21,14 +21,15 @@ import sys
 import tempfile
 from pathlib import Path
 
-import job
 import numpy as np
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+
+import job
 from effects import pipeline
 from rig.errors import InputError
 from rig.safe_yaml import load_yaml
 from rig.twins import load_twin
-from ruamel.yaml import YAML
-from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 log = logging.getLogger("twingap")
 

@@ -8,11 +8,12 @@ import json
 import logging
 from pathlib import Path
 
-import job
 import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
+
+import job
 from rig.geometry import camera_matrix, make_pose, project, station_pose, transform
 from rig.metrics import is_flipped, relative_rotvec_deg
 from rig.plates import marker_corners_world

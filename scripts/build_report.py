@@ -3,8 +3,9 @@
 import json
 from pathlib import Path
 
-import job
 import pandas as pd
+
+import job
 from run_notebook import render, title_of
 
 

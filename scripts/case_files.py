@@ -6,6 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pandas as pd
+
 from effects.base import View
 from gap.case import MARGIN_PX, Capture, Case, encoding_table
 from gap.observe import Codes, Observation, read_rgb

@@ -5,9 +5,10 @@ import logging
 import time
 from pathlib import Path
 
-import job
 import pandas as pd
 import pandera.pandas as pa
+
+import job
 from detect_markers import CORNERS, read_image
 from detectors import contract
 from rig.errors import InputError

@@ -12,9 +12,10 @@ import time
 from pathlib import Path
 
 import cv2
-import job
 import numpy as np
 import pandas as pd
+
+import job
 from detectors import contract
 from rig.errors import InputError
 

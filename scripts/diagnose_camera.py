@@ -10,22 +10,22 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+
+import job
 from case_files import read_capture
 from gap import ladder
 from gap.diagnose import (
     Candidate,
     climb,
+    gap_error,
     group_gaps,
     overall_gap,
-    gap_error,
     rank,
     suggested_station,
     verdict_of,
 )
 from gap.where import explained_shares, field_gaps, noise_gaps, plate_gaps
 from try_effect import clean, restored
-
-import job
 
 log = logging.getLogger("twingap")
 MOST_PLACES = 8
@@ -163,7 +163,9 @@ def write_gaps(first, last, train, folder):
     """Write the tables of the first and last twin as Parquet; ``twin`` says which, ``fitted`` whether a capture was."""
     folder.mkdir(parents=True, exist_ok=True)
     for name in ("plates", "fields", "noise"):
-        both = pd.concat([first[name].assign(twin="configured"), last[name].assign(twin="explained")], ignore_index=True)
+        both = pd.concat(
+            [first[name].assign(twin="configured"), last[name].assign(twin="explained")], ignore_index=True
+        )
         both["fitted"] = both["capture"].isin(train)
         with job.write_atomically(folder / f"{name}.parquet", "wb") as file:
             both.to_parquet(file, index=False)

@@ -7,9 +7,10 @@ import json
 import math
 from pathlib import Path
 
-import job
 import numpy as np
 import pandas as pd
+
+import job
 from rig import tables
 from rig.campaign import load_campaign, place_name
 from rig.errors import InputError

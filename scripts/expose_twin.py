@@ -10,14 +10,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import cv2
-import job
 import numpy as np
+from tqdm import tqdm
+
+import job
 from effects import pipeline
 from effects.base import View
 from rig import tables
 from rig.geometry import camera_matrix, make_pose
 from rig.render_store import read_station
-from tqdm import tqdm
 
 log = logging.getLogger("twingap")
 

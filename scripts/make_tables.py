@@ -4,9 +4,10 @@ import json
 import logging
 from pathlib import Path
 
-import job
 import numpy as np
 import pandas as pd
+
+import job
 from rig.metrics import kappa_with_interval, mean_with_interval, wilson_interval
 
 log = logging.getLogger("twingap")

@@ -8,11 +8,11 @@ import logging
 from pathlib import Path
 
 import numpy as np
-from case_files import load_case, read_capture, save_observations
-from gap.diagnose import Diagnosis, group_gaps
 from tqdm import tqdm
 
 import job
+from case_files import load_case, read_capture, save_observations
+from gap.diagnose import Diagnosis, group_gaps
 
 log = logging.getLogger("twingap")
 

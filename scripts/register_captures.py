@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
-import job
 import numpy as np
 import pandas as pd
 from pydantic import ValidationError
+from tqdm import tqdm
+
+import job
 from rig import boards, calibration, tables
 from rig.campaign import Board, inside
 from rig.errors import InputError
@@ -19,7 +21,6 @@ from rig.images import read_image
 from rig.plates import aruco_dictionary, marker_corners_world
 from rig.registration import NO_PRIOR, pose_from_markers, pose_from_plane, register_pose
 from rig.safe_yaml import load_yaml, validation_message
-from tqdm import tqdm
 
 log = logging.getLogger("twingap")
 INTRINSICS = ("fx", "fy", "cx", "cy")

@@ -12,15 +12,16 @@ import math
 import time
 from pathlib import Path
 
-import job
 import numpy as np
 import pandas as pd
+from tqdm import tqdm
+
+import job
 from effects import pipeline
 from rig import render_store, tables
 from rig.errors import InputError
 from rig.geometry import camera_matrix, make_pose, split_pose
 from rig.scene import load_scene
-from tqdm import tqdm
 
 log = logging.getLogger("twingap")
 
@@ -103,7 +104,8 @@ def render_stations(expand, register_csv, register_json, camera, effects, settin
                     raise InputError(f"{camera}, station {station}: Blender gave values that are no numbers")
                 render_store.write_station(folder, station, radiance, margin, keys[station])
                 seconds[station] = time.perf_counter() - start
-    _write_manifest(out, folder, poses, keys, margin, settings, device, version)
+    rendered = {s: scene.T_cam_mount @ T for s, T in poses.items()}
+    _write_manifest(out, folder, rendered, keys, margin, settings, device, version)
     with job.write_atomically(timing) as file:
         file.write("station,seconds\n" + "".join(f"{s},{t:.3f}\n" for s, t in seconds.items()))
 

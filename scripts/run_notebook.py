@@ -10,6 +10,7 @@ import tempfile
 from pathlib import Path
 
 import jinja2
+
 import job
 
 

@@ -4,10 +4,9 @@ import json
 import math
 from pathlib import Path
 
+import job
 from case_files import load_case, load_observations
 from gap.diagnose import Diagnosis
-
-import job
 
 
 def restored(expand, register_json, camera, observations, base):

@@ -6,10 +6,11 @@ import logging
 import re
 from pathlib import Path
 
+from tqdm import tqdm
+
 import job
 from rig.errors import InputError
 from rig.safe_yaml import load_yaml
-from tqdm import tqdm
 
 log = logging.getLogger("twingap")
 MOST_NAMES = 10

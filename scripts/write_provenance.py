@@ -7,9 +7,10 @@ import subprocess
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from ruamel.yaml import YAML, YAMLError
+
 import job
 from rig.errors import InputError
-from ruamel.yaml import YAML, YAMLError
 
 PACKAGES = [
     "opencv-contrib-python-headless",

@@ -2,6 +2,7 @@
 
 import numpy as np
 from numba import njit
+
 from rig.geometry import transform
 
 NEAR_M = 1e-3

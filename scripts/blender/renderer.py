@@ -18,10 +18,10 @@ from pathlib import Path
 import bpy
 import numpy as np
 from mathutils import Matrix
-from rig.geometry import invert_pose
-from rig.plates import spread_ink
 
 from blender.edges import edge_pixels, edge_segments, overlooked_jumps
+from rig.geometry import invert_pose
+from rig.plates import spread_ink
 
 GROUND_BELOW_M = 0.001  # below the lowest plate: the ground is even, so its depth does not show
 GROUND_REACH_M = 1e5

@@ -5,9 +5,9 @@ Source: rigid hand-eye offset.
 """
 
 import numpy as np
-from rig.geometry import make_pose
 
 from effects.base import Parameter
+from rig.geometry import make_pose
 
 STAGE, ORDER = "scene", 10
 MOVES_POINTS = True

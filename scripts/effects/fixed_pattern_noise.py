@@ -7,9 +7,9 @@ name: parameters tell its size, not the sensor's own pattern.
 import functools
 
 import numpy as np
-from job import seed_of
 
 from effects.base import Parameter
+from job import seed_of
 
 STAGE, ORDER = "sensor", 15
 PARAMETERS = {

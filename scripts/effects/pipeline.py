@@ -10,12 +10,12 @@ import importlib.util
 import pkgutil
 
 import numpy as np
-from rig.errors import InputError
 
 import effects
 from effects.base import STAGES, Parameter
 from effects.encoding import encode
 from effects.resampling import fine_map, sample
+from rig.errors import InputError
 
 GRID_STEP_PX = 8
 DIFFERENCE_PX = 0.01

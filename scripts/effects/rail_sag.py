@@ -7,9 +7,9 @@ tilt with the rail. Source: first terms of a bent beam's shape.
 from dataclasses import replace
 
 import numpy as np
-from rig.geometry import make_pose
 
 from effects.base import Parameter
+from rig.geometry import make_pose
 
 STAGE, ORDER = "scene", 30
 SHORTEST_RAIL_M = 0.01

@@ -1,11 +1,10 @@
-"""One camera of a campaign as the fit sees it: nominal scene, captures with their observations, predictions of the twin."""
+"""One camera of a campaign as the fit sees it: nominal scene, observed captures, predictions of the twin."""
 
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from effects import pipeline
-from rig.geometry import perturb_pose, project
 
+from effects import pipeline
 from gap.observe import (
     COARSE_TO_FINE,
     SMALLEST_SIDE_PX,
@@ -17,6 +16,7 @@ from gap.observe import (
     wholly_inside,
 )
 from gap.synthesis import Prints, coverages, shade
+from rig.geometry import perturb_pose, project
 
 MARGIN_PX = 24  # what blurs and filters see beyond the frame
 
@@ -120,7 +120,7 @@ class Case:
         return np.stack(planes, axis=-1).astype(np.float32)
 
     def image_of(self, radiance, capture, effects, delta, rng=None):
-        """Return the twin's grey levels (H, W, C), unrounded; noise-free where ``rng`` is None, else as a camera gives it."""
+        """Return the twin's grey levels (H, W, C): expected where ``rng`` is None, else as a camera gives them."""
         view = self.view_of(capture, effects, delta)
         image = pipeline.photometric(radiance, view, effects, self.noise_dn, rng)
         m = view.margin

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 from itertools import zip_longest
 
 import numpy as np
-from effects import pipeline
-from rig.geometry import station_pose
 
+from effects import pipeline
 from gap.fit import NU, RHO_NOISE, Fitter, State, flatten, image_step, is_geometric, rho, spec, width_of
 from gap.observe import SMALLEST_SIDE_PX, code_sides_px, wholly_inside
+from rig.geometry import station_pose
 
 GAP_GROUPS = ("corners", "levels", "edges", "colour", "field", "noise")
 MOST_CAPTURES = 6  # that are fitted, and as many that are held out

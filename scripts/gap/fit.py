@@ -8,11 +8,11 @@ measured by the same code as the real ones.
 from dataclasses import dataclass
 
 import numpy as np
-from effects import pipeline
-from job import seed_of
 
+from effects import pipeline
 from gap.flats import field_levels
 from gap.observe import FINE, classify_flats, measure_colour, measure_plates, observe_noise
+from job import seed_of
 
 NU = 8.0  # robust log(1 + y^2 / nu): quadratic for noise, forgiving for a bad plate
 # Standard deviations below which no difference counts: synthesis against an ideal camera's image
@@ -207,7 +207,7 @@ class Fitter:
         lower, upper = bounds_of(free)
         damping = 1e-6
         best = np.inf
-        for iteration in range(iterations):
+        for _ in range(iterations):
             H = np.zeros((len(free), len(free)))
             g = np.zeros(len(free))
             loss = 0.0
@@ -289,7 +289,7 @@ class Fitter:
         converged = not free
         lower, upper = bounds_of(free)
         damping = 1e-4
-        for iteration in range(iterations):
+        for _ in range(iterations):
             theta = np.array([get_parameter(effects, f) for f in free])
             nu = NU * width**2
             loss = total(groups, nu)
@@ -351,7 +351,7 @@ class Fitter:
         return H, g, blocks
 
     def _column(self, i, effects, parameter, delta, groups, step_of):
-        """Return d (twin, whitened) / d parameter: by the exact point map where it only moves points, else by images."""
+        """Return d (twin, whitened) / d parameter: by point maps where it only moves points, else by images."""
         w = self.whiteners[i]
         if is_geometric(parameter):
             h = small_step(parameter)

@@ -5,15 +5,16 @@ Errors are taken at each capture's own pose, estimated under its prior, and comp
 """
 
 import numpy as np
-from detectors import contract
+from scipy.spatial.transform import Rotation
 
+from detectors import contract
 from gap.observe import wholly_inside
 from job import seed_of
 from rig.geometry import rotation_angle_deg
-from scipy.spatial.transform import Rotation
 
 MEASURES = (
-    "corner_rmse_px", "intensity_rmse_dn", "detection_disagreement_pct", "delta_distance_cm", "delta_rotation_deg", "gap",
+    "corner_rmse_px", "intensity_rmse_dn", "detection_disagreement_pct", "delta_distance_cm",
+    "delta_rotation_deg", "gap",
 )  # fmt: skip
 COLUMNS = (
     "step", "effect", *MEASURES, *(f"{m}_floor" for m in MEASURES), *(f"{m}_low" for m in MEASURES),
@@ -74,7 +75,7 @@ def control_errors(diagnosis, finder, effects, poses, images, floors):
     """Return the floor of each measure: noise of the corners and levels, and a twin against its re-noised self."""
     case, compared, corner, level = diagnosis.case, {}, [], []
     for i in images:
-        capture, o = case.captures[i], case.captures[i].observation
+        capture = case.captures[i], case.captures[i].observation
         radiance = diagnosis.fitter.radiance(i, effects, poses[i])
         pair = []
         for draw in ("a", "b"):
@@ -88,7 +89,9 @@ def control_errors(diagnosis, finder, effects, poses, images, floors):
             corner.append((sd[:, :8] ** 2).reshape(-1, 2).sum(1))
         level.append(capture.noise_variance)
     out = {m: summary(compared, m, floors) for m in MEASURES[2:5]}
-    out["corner_rmse_px"] = float(np.sqrt(np.concatenate(corner).mean()) * floors.get("corners", 1.0)) if corner else None
+    out["corner_rmse_px"] = (
+        float(np.sqrt(np.concatenate(corner).mean()) * floors.get("corners", 1.0)) if corner else None
+    )
     out["intensity_rmse_dn"] = float(np.sqrt(np.mean(level)))
     out["gap"] = 1.0
     return out
@@ -118,7 +121,10 @@ def interval(parts, measure, floors, seed):
     """Return the 95 % percentile interval of a measure by resampling captures."""
     rng = np.random.default_rng(seed_of(seed))
     keys = list(parts)
-    draws = [summary({n: parts[k] for n, k in enumerate(rng.choice(keys, len(keys)))}, measure, floors) for _ in range(RESAMPLES)]
+    draws = [
+        summary({n: parts[k] for n, k in enumerate(rng.choice(keys, len(keys)))}, measure, floors)
+        for _ in range(RESAMPLES)
+    ]
     draws = np.array(draws)[np.isfinite(draws)]
     return tuple(np.percentile(draws, [2.5, 97.5])) if len(draws) else (float("nan"), float("nan"))
 

@@ -231,7 +231,7 @@ def measure_plate(image, start, half_code, half_plate, rectangles, levels, lut, 
         iterations = 5 if radius > 0 else 12
         relax = 1.0
         previous = np.zeros(8)
-        for it in range(iterations):
+        for _ in range(iterations):
             c = half_code
             H = homography(np.array([[-c, c], [c, c], [c, -c], [-c, -c]]), corners)
             xs = np.empty(4)

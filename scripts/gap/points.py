@@ -7,10 +7,10 @@ Only effects that move image points can be named; everything else is said not to
 from dataclasses import dataclass, replace
 
 import numpy as np
-from effects import pipeline
-from rig.geometry import camera_matrix, perturb_pose, project
 
+from effects import pipeline
 from gap.fit import NU, RHO_NOISE, bounds_of, get_parameter, rho, small_step, with_parameters
+from rig.geometry import camera_matrix, perturb_pose, project
 
 # An ideal camera without nominal intrinsics absorbs these; a moving camera cannot be told from board photographs
 LENS_STAGES = ("lens", "shutter", "processing")

@@ -5,10 +5,10 @@ What the fit renders with; a test holds it to Blender's renders.
 
 import cv2
 import numpy as np
-from effects.base import highlight_radiance
-from rig.geometry import project, transform
 
+from effects.base import highlight_radiance
 from gap.raster import add_polygons, running_sum
+from rig.geometry import project, transform
 
 EDGE_STEP_PX = 8.0  # edges bent by a lens are drawn in straight pieces no longer than this
 FAR_M = 1e5

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pandas as pd
-from rig.geometry import invert_pose, transform
 
 from gap.flats import FIELD_COLUMNS, FIELD_ROWS, NOISE_FEATURES
 from gap.observe import COLOUR_FEATURES
 from gap.patch import FEATURES
+from rig.geometry import invert_pose, transform
 
 COVARIATES = (
     "distance_m", "incidence_deg", "image_radius", "azimuth_deg", "row_px", "column_px", "height_m", "tilt_deg",

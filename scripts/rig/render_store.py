@@ -28,7 +28,9 @@ def write_station(folder, station, radiance, margin, key):
         for name, value in (("radiance", radiance), ("margin", np.int64(margin)), ("key", np.str_(key))):
             member = io.BytesIO()
             np.lib.format.write_array(member, np.asanyarray(value), allow_pickle=False)
-            archive.writestr(zipfile.ZipInfo(f"{name}.npy", (1980, 1, 1, 0, 0, 0)), member.getvalue(), zipfile.ZIP_DEFLATED, 1)
+            archive.writestr(
+                zipfile.ZipInfo(f"{name}.npy", (1980, 1, 1, 0, 0, 0)), member.getvalue(), zipfile.ZIP_DEFLATED, 1
+            )
     with write_atomically(station_file(folder, station), "wb") as file:
         file.write(buffer.getvalue())
 
@@ -51,4 +53,6 @@ def read_station(folder, entry):
                 return stored["radiance"], int(stored["margin"])
     except (OSError, ValueError, KeyError, zipfile.BadZipFile):
         pass
-    raise InputError(f"{path}: the render is gone or not the one in the manifest; run `snakemake --forcerun render_stations`")
+    raise InputError(
+        f"{path}: the render is gone or not the one in the manifest; run `snakemake --forcerun render_stations`"
+    )

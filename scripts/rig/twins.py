@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from effects import pipeline
-
 from rig.errors import InputError
 from rig.safe_yaml import load_yaml
 

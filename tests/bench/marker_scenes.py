@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numba import njit
-from rig.plates import code_cells
 from scipy.spatial.transform import Rotation
+
+from rig.plates import code_cells
 
 FOCAL_PX = 1400.0
 MARGIN_MODULES = 1.5  # white paper round the code, as on the plates of the rig

@@ -12,6 +12,7 @@ from detectors.bart.codes import (
     NO_CODE,
     cell_size,
     code_tables,
+    fit_small,
     frame_contrast,
     frame_errors,
     match_blurred,
@@ -82,17 +83,19 @@ def read_blurred(image, light, quad, size, words, owner, levels, plane, margins)
 
 @njit(cache=True, nogil=True)
 def read_quads(image, grey, light, quads, size, words, owner, wrong_bits, least_contrast, most_wrong, exact):
-    """Return (corners float64 (m, 4, 2), owner int32 (m, 3), distance int32 (m,), contrast (m,)) of readable quads.
+    """Return (corners (m, 4, 2), owner (m, 3), distance (m,), contrast (m,), fitted (m,)) of readable quads.
 
     grey, light  (256,) tables: the grey levels as they are, and the light behind them
     quads  float64 (n, 4, 2), pixels of ``image``; corners come in the marker's own order, measured where ``exact``,
-           else as in ``quads``.
+           else as in ``quads``. fitted: the entry in ``words`` of a small marker whose corners fit_small found, for
+           the code in the marker's own order; else NO_CODE.
     """
     n = len(quads)
     corners = np.empty((n, 4, 2))
     found = np.empty((n, 3), np.int32)
     distance = np.empty(n, np.int32)
     contrasts = np.empty(n)
+    fitted = np.empty(n, np.int64)
     levels = np.empty((size + 4, size + 4))
     plane = np.empty(3)
     margins = np.empty(size * size)
@@ -106,7 +109,7 @@ def read_quads(image, grey, light, quads, size, words, owner, wrong_bits, least_
         worked = refine_quad(image, light, quads[k], size, 2, refined)
         read_levels(image, grey, refined, size, levels)
         contrast = frame_contrast(levels, plane, least_contrast, weak)
-        entry, wrong = NO_CODE, 0
+        entry, wrong, fitted[m] = NO_CODE, 0, NO_CODE
         if contrast > 0 and module > BLURRED_MODULE_PX and frame_errors(levels, plane) <= 1:
             word = read_word(levels, plane, contrast, 0.0, margins)
             if module > SMALL_MODULE_PX:
@@ -125,6 +128,9 @@ def read_quads(image, grey, light, quads, size, words, owner, wrong_bits, least_
                     refined[:] = quads[k]
             if misfit > LARGEST_MISFIT or worst > LARGEST_MISS or lead < LEAST_LEAD:
                 entry = NO_CODE
+            elif entry != NO_CODE and exact:
+                fit_small(image, light, refined, size, words[entry])
+                fitted[m] = entry - owner[entry, 2]
         if entry == NO_CODE:
             continue
         turn = owner[entry, 2]
@@ -134,7 +140,7 @@ def read_quads(image, grey, light, quads, size, words, owner, wrong_bits, least_
         distance[m] = wrong
         contrasts[m] = contrast
         m += 1
-    return corners[:m], found[:m], distance[:m], contrasts[:m]
+    return corners[:m], found[:m], distance[:m], contrasts[:m], fitted[:m]
 
 
 class Bart:
@@ -156,7 +162,7 @@ class Bart:
         return self.finish(grey, found, self.light_of(grey, found))
 
     def search(self, grey):
-        """Return the readable quads of an image, as a list of dicts: corners, name, id, wrong, contrast, size."""
+        """Return the readable quads of an image, as a list of dicts: corners, name, id, wrong, contrast, size, code."""
         level = 0
         if self.p["multi_scale"]:
             while grey.size >> (2 * level) > 1e6 * self.p["coarse_mpx"]:
@@ -222,7 +228,7 @@ class Bart:
         """Return the findings (dicts, see search) among quads (n, 4, 2), pixels of ``grey``."""
         found = []
         for group in self.groups:
-            corners, owner, wrong, contrast = read_quads(
+            corners, owner, wrong, contrast, fitted = read_quads(
                 grey,
                 self.grey,
                 self.light,
@@ -244,6 +250,7 @@ class Bart:
                         "wrong": int(wrong[k]),
                         "contrast": float(contrast[k]),
                         "size": group["size"],
+                        "code": None if fitted[k] == NO_CODE else group["words"][fitted[k]],
                     }
                 )
         return found
@@ -281,7 +288,9 @@ class Bart:
         detections = []
         for f in found:
             corners = f["corners"]
-            if light is not self.light:
+            if light is not self.light and f["code"] is not None:
+                fit_small(grey, light, corners, f["size"], f["code"])
+            elif light is not self.light:
                 refine_quad(grey, light, corners.copy(), f["size"], 2, corners)
             if spread:
                 move_sides(corners, spread)

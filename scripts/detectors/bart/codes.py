@@ -371,3 +371,70 @@ def match_blurred(levels, across, down, word, words, owner):
     if best == NO_CODE or popcount(word ^ words[best]) > BELIEVED_BITS or as_read < least:
         return NO_CODE, 1e9, 1e9, 0.0
     return best, least, worst, second / max(least, 1e-9)
+
+
+@njit(cache=True, nogil=True)
+def _residuals(image, light, quad, size, mixed, levels, out):
+    """Write levels minus their best multiple of ``mixed`` plus a constant, in contrasts; return their sum of squares."""
+    read_levels(image, light, quad, size, levels)
+    n = len(levels)
+    count = n * n
+    sx, sy = mixed.sum(), levels.sum()
+    sxx, sxy = (mixed * mixed).sum(), (mixed * levels).sum()
+    contrast = (sxy - sx * sy / count) / (sxx - sx * sx / count)
+    total = 0.0
+    for i in range(n):
+        for j in range(n):
+            r = (levels[i, j] - sy / count) / contrast - (mixed[i, j] - sx / count)
+            out[i * n + j] = r
+            total += r * r
+    return total if contrast > 0 else 1e9
+
+
+@njit(cache=True, nogil=True)
+def fit_small(image, light, quad, size, code):
+    """Move the corners of a small marker (4, 2), in place, to where its blurred code looks most like the image.
+
+    Gauss-Newton over the eight coordinates, for the best of three blurs; left as they are where that does not lessen
+    the misfit or would move a corner by more than 1.5 pixels.
+    """
+    n = size + 4
+    cells = np.zeros((n, n))
+    bit = np.uint64(size * size - 1)
+    for k in range(n):
+        cells[0, k] = cells[n - 1, k] = cells[k, 0] = cells[k, n - 1] = 1.0
+    for r in range(size):
+        for c in range(size):
+            cells[r + 2, c + 2] = float((code >> bit) & np.uint64(1))
+            bit -= np.uint64(1)
+    levels = np.empty((n, n))
+    now = np.empty(n * n)
+    moved = np.empty(n * n)
+    J = np.empty((n * n, 8))
+    across, down = cell_size(quad, size + 2)
+    start = quad.copy()
+    best = quad.copy()
+    least = 1e9
+    for blur in (0.5, 0.75, 1.1):
+        mixed = _mixing(n, down, blur) @ cells @ _mixing(n, across, blur).T
+        current = start.copy()
+        total = _residuals(image, light, current, size, mixed, levels, now)
+        for _ in range(4):
+            for k in range(8):
+                current[k // 2, k % 2] += 0.1
+                _residuals(image, light, current, size, mixed, levels, moved)
+                current[k // 2, k % 2] -= 0.1
+                J[:, k] = (moved - now) / 0.1
+            if not np.isfinite(J).all():
+                break
+            step = np.linalg.solve(J.T @ J + 1e-3 * np.eye(8), J.T @ now)
+            trial = current - step.reshape(4, 2)
+            after = _residuals(image, light, trial, size, mixed, levels, moved)
+            if not after < total:
+                break
+            current, total = trial, after
+            now[:] = moved
+        if total < least and np.abs(current - start).max() < 1.5:
+            least = total
+            best = current
+    quad[:] = best

@@ -1,0 +1,129 @@
+"""Pictures of a diagnosis: the falling error, residual vectors, candidates, where the gap lives. Draws tables only."""
+
+import json
+from pathlib import Path
+
+import figures
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+
+MEASURES = {
+    "corner_rmse_px": "corners (px)",
+    "intensity_rmse_dn": "grey levels (DN)",
+    "detection_disagreement_pct": "detection disagrees (%)",
+    "delta_distance_cm": "distance (cm)",
+    "delta_rotation_deg": "rotation (°)",
+    "gap": "gap (floors)",
+}
+MOST_CANDIDATES = 12
+
+
+def read_diagnoses(results):
+    """Return [(diagnosis, ladder, plates)] of all cameras of a run."""
+    results = Path(results)
+    found = []
+    for path in sorted((results / "diagnosis").glob("*.json")):
+        diagnosis = json.loads(path.read_text())
+        folder = results / "diagnosis" / diagnosis["camera"]
+        ladder = pd.read_csv(folder / "ladder.csv") if (folder / "ladder.csv").is_file() else pd.DataFrame()
+        plates = folder / "plates.parquet"
+        found.append((diagnosis, ladder, pd.read_parquet(plates) if plates.is_file() else pd.DataFrame()))
+    return found
+
+
+def words(diagnosis):
+    """Return Markdown sentences of a verdict, made from its numbers."""
+    lines = [f"### {diagnosis['camera']}: {diagnosis['verdict']}"]
+    if diagnosis.get("why"):
+        return "\n\n".join([*lines, diagnosis["why"].capitalize() + "."])
+    steps = diagnosis["steps"]
+    if diagnosis["verdict"] == "adequate":
+        lines.append(f"Nothing is missing: the held-out gap is {diagnosis['gap']:.2f} floors.")
+    for step in steps:
+        values = ", ".join(
+            f"{k} = {p['value']:.4g}" + (f" ± {p['se']:.2g}" if p["se"] else "") for k, p in step["parameters"].items()
+        )
+        few = values if len(step["parameters"]) <= 6 else f"{len(step['parameters'])} parameters"
+        line = f"- **{step['effect']}** ({few}): the gap falls from {step['gap_before']:.2f} to {step['gap_after']:.2f} floors"
+        if step["confused_with"]:
+            line += f"; this rig can hardly tell it from {', '.join(step['confused_with'])}"
+        lines.append(line)
+    if diagnosis["verdict"] == "unexplained":
+        lines.append(f"A gap of {diagnosis['gap']:.2f} floors is left that no candidate closes.")
+    places = [w for w in diagnosis["where"] if w["share"] > 0.1][:3]
+    if places:
+        told = "; ".join(f"{w['observable']} by {w['covariate']} ({100 * w['share']:.0f} %)" for w in places)
+        lines.append(f"Of the gap, this much follows one covariate on captures never fitted: {told}.")
+    station = diagnosis.get("suggested_station")
+    if station:
+        pair = " from ".join(station["tells_apart"])
+        lines.append(
+            f"To tell {pair}, measure next from a height of {station['height_m']:g} m at a tilt of {station['tilt_deg']:g}°."
+        )
+    return "\n\n".join(lines)
+
+
+def ladder_figure(ladder, camera):
+    """Return a figure: every error against the step, its 95 % interval, and its floor."""
+    fig, axes = plt.subplots(3, 2, figsize=(figures.WIDTH_IN, 5.6), sharex=True)
+    names = ["ideal" if k == 0 else e for k, e in zip(ladder.step, ladder.effect, strict=True)]
+    for axis, (measure, label) in zip(axes.ravel(), MEASURES.items(), strict=True):
+        value = ladder[measure]
+        axis.fill_between(
+            ladder.step, ladder[f"{measure}_low"], ladder[f"{measure}_high"], color=figures.BLUE, alpha=0.2
+        )
+        axis.plot(ladder.step, value, "o-", color=figures.BLUE)
+        axis.plot(ladder.step, ladder[f"{measure}_floor"], "--", color=figures.GREY)
+        axis.set_ylim(0, max(1e-6, 1.15 * np.nanmax([value.max(), ladder[f"{measure}_floor"].max()])))
+        axis.set_title(label, fontsize=9.5)
+        axis.set_xticks(ladder.step, names, rotation=35, ha="right", fontsize=7.5)
+    fig.suptitle(f"{camera}: does the error fall to its floor (dashed)?", fontsize=11)
+    return fig
+
+
+def vectors_figure(plates, camera):
+    """Return a figure: where the twin's plates lie off the real ones, before and after, each with its own scale."""
+    fig, axes = plt.subplots(1, 2, figsize=(figures.WIDTH_IN, 2.6), sharex=True, sharey=True)
+    for axis, (twin, title) in zip(axes, (("configured", "as configured"), ("explained", "after")), strict=True):
+        mine = plates[plates.twin == twin]
+        length = np.hypot(mine.dx_px, mine.dy_px)
+        longest = max(float(length.quantile(0.95)), 1e-6) if len(mine) else 1.0
+        axis.quiver(
+            mine.column_px, mine.row_px, mine.dx_px, mine.dy_px, angles="xy", scale_units="xy", scale=longest / 60,
+            width=0.004, color=figures.BLUE,
+        )  # fmt: skip
+        axis.set_title(f"{title}: arrow of 60 px = {longest:.2g} px", fontsize=8.5)
+        axis.set_aspect("equal")
+    if len(axes):
+        axes[0].invert_yaxis()
+    fig.suptitle(f"{camera}: which way are plates off, over the image?", fontsize=11)
+    return fig
+
+
+def candidates_figure(diagnosis):
+    """Return a figure: the held-out gap that each candidate alone would leave."""
+    rows = sorted(diagnosis["candidates"], key=lambda c: c["rank"])[:MOST_CANDIDATES]
+    fig, axis = plt.subplots(figsize=(figures.WIDTH_IN, 3.2))
+    names = [c["effect"] for c in rows][::-1]
+    gaps = [c["gap_after"] or np.nan for c in rows][::-1]
+    axis.barh(names, gaps, color=figures.BLUE)
+    axis.axvline(1, color=figures.GREY, ls="--")
+    if diagnosis.get("gap_as_configured"):
+        axis.axvline(diagnosis["gap_as_configured"], color=figures.ORANGE)
+    axis.set_xlabel("held-out gap with this effect alone, floors (orange: without)")
+    axis.set_title(f"{diagnosis['camera']}: which effect alone helps most?")
+    return fig
+
+
+def where_figure(diagnosis):
+    """Return a figure: shares of the gap that one covariate explains on held-out captures."""
+    rows = diagnosis["where"][:8][::-1]
+    fig, axis = plt.subplots(figsize=(figures.WIDTH_IN, 2.6))
+    axis.barh(
+        [f"{r['observable']} by {r['covariate']}" for r in rows], [100 * r["share"] for r in rows], color=figures.GREEN
+    )
+    axis.set_xlim(0, 100)
+    axis.set_xlabel("share of the gap explained, %")
+    axis.set_title(f"{diagnosis['camera']}: what does the gap follow?")
+    return fig

@@ -1,0 +1,27 @@
+"""Cases for the gap's tests: generated campaigns (an image formation of their own) read into gap.case.Case."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "bench"))
+
+from case_files import load_case, read_capture
+from expand_tables import expand_tables
+from lay_down_trials import lay_down_trial
+from register_captures import register_captures
+
+
+def generated_case(folder, kind, effect=None, seed="gap tests", strength=1.0):
+    """Return (Case with everything measured, truth) of a small generated campaign laid down in a folder."""
+    name, truth = lay_down_trial(
+        folder / "c", folder / "e", kind, 0, seed, effect=effect, strength=strength, size="small"
+    )
+    campaign = folder / "c" / name
+    expand_tables(campaign, None, None, folder / "expand")
+    camera = next((campaign / "images").iterdir()).name
+    register_captures(folder / "expand", campaign, camera, folder / "r.csv", folder / "r.json")
+    case, captures = load_case(folder / "expand", folder / "r.json", camera)
+    images = dict(zip(captures.capture, captures.image, strict=True))
+    for capture in case.captures:
+        case.observe_real(capture, read_capture(campaign, images[capture.view.capture]))
+    return case, truth

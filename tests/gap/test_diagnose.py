@@ -1,0 +1,76 @@
+"""The verdict on campaigns made by an image formation that shares no code with the fit."""
+
+import numpy as np
+import pytest
+from cases import generated_case
+
+from effects import pipeline
+from gap.diagnose import Diagnosis, climb, rank, split_by_station, verdict_of
+from gap.fit import Fitter, flatten
+
+CANDIDATES = ["radial_distortion", "focal_length", "lens_blur", "exposure", "marker_scale", "principal_point"]
+
+
+def climbed(case):
+    diagnosis = Diagnosis(case, CANDIDATES)
+    diagnosis.set_base([])
+    steps, _ = climb(diagnosis, [diagnosis.try_effect(e) for e in CANDIDATES])
+    return diagnosis, steps
+
+
+@pytest.fixture(scope="module")
+def nothing_hidden(tmp_path_factory):
+    return generated_case(tmp_path_factory.mktemp("none"), "none")[0]
+
+
+def test_nothing_hidden_is_adequate(nothing_hidden):
+    """A program that always names something, or that mistakes its own synthesis error for a gap, fails here."""
+    diagnosis, steps = climbed(nothing_hidden)
+    assert [s.effect for s in steps] == []
+    assert verdict_of(steps, diagnosis.base_gap, diagnosis.base_gap_se) == "adequate"
+
+
+def test_stations_are_split_whole(nothing_hidden):
+    """Trials of one station on both sides would let a fit see what it is scored on."""
+    train, test = split_by_station(nothing_hidden)
+    stations = [{nothing_hidden.captures[i].view.station for i in part} for part in (train, test)]
+    assert stations[0] and stations[1] and not stations[0] & stations[1]
+
+
+@pytest.mark.parametrize("effect", sorted(pipeline.available_effects()))
+def test_a_candidate_at_its_null_reproduces_the_base_bit_for_bit(nothing_hidden, effect):
+    """A candidate that draws with other samples than the base would win by its drawing."""
+    case, fitter = nothing_hidden, Fitter(nothing_hidden)
+    null = {k: p.null for k, p in pipeline.available_effects()[effect].PARAMETERS.items()}
+    base = fitter.predict(0, [], np.zeros(6))
+    same = fitter.predict(0, [(effect, null)], np.zeros(6))
+    w = fitter.whiteners[0]
+    o = case.captures[0].observation
+    assert np.array_equal(flatten(w.residuals(o, base)), flatten(w.residuals(o, same)))
+
+
+@pytest.mark.parametrize(
+    ("effect", "parameter", "library", "tolerance"),
+    [
+        ("focal_length", "ratio", "ratio", 3e-4),
+        ("lens_blur", "sigma_px", "sigma_px", 0.02),
+        ("exposure", "scale", "scale", 3e-3),
+    ],
+)
+def test_a_single_hidden_effect_is_named_and_measured(tmp_path, effect, parameter, library, tolerance):
+    """A search that names another effect, adds a second one, or biases the parameter fails here."""
+    case, truth = generated_case(tmp_path, "single", effect)
+    diagnosis, steps = climbed(case)
+    assert [s.effect for s in steps] == [effect]
+    hidden = truth["effects"][0]["library_parameters"][library]
+    assert abs(dict(diagnosis.effects)[effect][parameter] - hidden) < tolerance
+
+
+def test_a_fit_that_did_not_converge_is_never_ranked_first():
+    """Ranking by loss alone would let a lost fit win."""
+
+    class Outcome:
+        def __init__(self, effect, converged, gain):
+            self.effect, self.converged, self.gain, self.parameters = effect, converged, gain, {"a": 1.0}
+
+    assert [c.effect for c in rank([Outcome("lost", False, 1e9), Outcome("found", True, 10.0)])] == ["found", "lost"]

@@ -1,0 +1,79 @@
+"""Exact coverage and the fit of the known code: what every observable stands on."""
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from effects.base import Scene, View
+from gap.case import code_corners_world, encoding_table
+from gap.observe import FINE, Codes, measure_plates
+from gap.raster import coverage
+from gap.synthesis import Prints, coverages, shade
+from rig.geometry import camera_matrix, project, station_pose
+from rig.plates import marker_plate, spread_ink
+
+
+def plate(**changes):
+    values = dict(
+        dictionary="DICT_5X5_1000", id=7, code_m=0.07, plate_m=0.1, x=0.0, y=0.6, z=0.0, rx=0.0, ry=0.0, rz=0.3
+    )
+    return marker_plate(SimpleNamespace(**(values | changes)))
+
+
+def scene_and_view():
+    scene = Scene((plate(), plate(id=8, x=0.15, y=0.8)), 0.8, 0.05, 0.35, 0.3)
+    K = camera_matrix(600, 610, 319.5, 239.5)
+    return scene, View(K, 640, 480, 12, station_pose(0.5, 35), "c", "a", "s")
+
+
+def test_coverage_equals_dense_sampling():
+    """A rasteriser that drops or doubles a pixel's share of an edge would be off by more than sampling is."""
+    triangle = np.array([[[0.3, 0.2], [9.7, 3.1], [5.2, 8.9]]])
+    n = 100
+    y, x = (np.mgrid[0 : 10 * n, 0 : 10 * n] + 0.5) / n
+    inside = np.ones_like(x, bool)
+    for k in range(3):
+        a, b = triangle[0, k], triangle[0, (k + 1) % 3]
+        inside &= (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]) > 0
+    sampled = inside.reshape(10, n, 10, n).mean((1, 3))
+    assert np.abs(coverage(triangle, np.ones(1), (10, 10)) - sampled).max() < 5e-4
+
+
+def test_levels_of_flats_are_the_nominal_ones():
+    """Wrong signs or missing terms in shading would shift the ground, the white or the sky."""
+    scene, view = scene_and_view()
+    view = View(**(view.__dict__ | {"T_cam_world": station_pose(0.5, 10)}))
+    image = shade(scene, view, *coverages(Prints(scene.plates), view))
+    assert np.isclose(image[-5, 5], 0.35) and np.isclose(image[0, 0], 0.3)
+    assert np.isclose(image.max(), 0.8) and np.isclose(image.min(), 0.05, atol=0.02)
+
+
+def test_the_fit_finds_projected_corners_of_its_own_synthesis_and_of_noise_its_standard_error():
+    """A fit with a half-pixel bias, swapped corners or wrong information would be off by more than 0.01 px."""
+    scene, view = scene_and_view()
+    table = encoding_table("srgb", 1.0)
+    linear = shade(scene, view, *coverages(Prints(scene.plates), view))
+    m = view.margin
+    grey = np.interp(linear, np.linspace(0, 1, len(table)), table)[m:-m, m:-m]
+    codes = Codes.of(scene.plates, [0.8, 0.05, 0.35], table)
+    truth = project(view.K, view.T_cam_world, np.array([code_corners_world(p) for p in scene.plates]))
+    noisy = grey + np.random.default_rng(1).normal(0, 1, grey.shape)
+    features, information, measured, _ = measure_plates(noisy, truth + 0.8, np.ones(2, bool), codes, FINE)
+    error = features[:, :8].reshape(-1, 4, 2) - truth
+    se = np.sqrt([np.diag(np.linalg.inv(i)) for i in information])[:, :8]
+    assert measured.all() and np.abs(error).max() < 0.03
+    assert np.abs(error.reshape(-1, 8) / se).max() < 5
+
+
+def test_ink_grows_by_its_length_and_not_by_its_area():
+    """Ink that grew the whole plate, or not at the corners, would change the black area by another amount."""
+    p = plate(rz=0.0)
+    cell = 0.01
+    frame_only = spread_ink(p, 0.001)
+    black = ~frame_only.white
+    area = (np.diff(frame_only.y_m)[:, None] * np.diff(frame_only.x_m)[None, :])[black].sum()
+    assert area > (~p.white).sum() * cell**2
+    outermost = frame_only.x_m[np.flatnonzero(black.any(0))[0]]
+    assert np.isclose(outermost, -0.036)
+    back = spread_ink(p, -0.001)
+    assert (~back.white).any() and np.isclose(back.x_m[np.flatnonzero((~back.white).any(0))[0]], -0.034)
