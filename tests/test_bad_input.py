@@ -1,6 +1,7 @@
 """Bad input through the real workflow: exit status 1, one message, no traceback, earlier results untouched."""
 
 import pytest
+
 from tiny_campaign import CAPTURES, lay_down
 from workflow_runs import copy_project, snakemake
 

@@ -1,7 +1,8 @@
 """The models are the only source of the configuration: generated files are in step, what is wrong is named."""
 
-import generate_config
 import pytest
+
+import generate_config
 from rig.config import check_config
 from rig.errors import InputError
 from rig.safe_yaml import load_yaml

@@ -4,6 +4,7 @@ import json
 import shutil
 
 import pytest
+
 import verify_data
 from rig.errors import InputError
 from tiny_campaign import lay_down

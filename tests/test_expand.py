@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+
 from expand_tables import expand_tables
 from rig import tables
 from rig.errors import InputError

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import yaml
 from PIL import Image
+
 from rig.campaign import load_campaign
 
 sys.path.insert(0, str(Path(__file__).parent / "bench"))

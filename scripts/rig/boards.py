@@ -139,7 +139,7 @@ def _find_grid(grey, board):
             pixels.append(quad.reshape(4, 2))
     if not points:
         return nothing_found()
-    return BoardPoints(_y_up(points, height + board.gap_m), np.array(pixels, float).reshape(-1, 2), len(points))
+    return BoardPoints(_y_up(points, height), np.array(pixels, float).reshape(-1, 2), len(points))
 
 
 def find_board(image, board):

@@ -7,6 +7,7 @@ import json
 
 import numpy as np
 import pandas as pd
+
 from rig.geometry import camera_matrix, make_pose, project, split_pose, station_pose
 from rig.plates import marker_corners_world
 

@@ -2,6 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
+from scipy.stats import binomtest
+
 from rig.metrics import (
     FLIP_DEG,
     cohen_kappa,
@@ -11,8 +14,6 @@ from rig.metrics import (
     relative_rotvec_deg,
     wilson_interval,
 )
-from scipy.spatial.transform import Rotation
-from scipy.stats import binomtest
 
 
 @pytest.mark.parametrize(("part", "whole"), [(0, 10), (10, 10), (1, 3), (81, 263), (15, 148)])

@@ -1,7 +1,7 @@
 """Geometry: Blender's renders of the embedded rig against exact area coverage and analytic projection.
 
-``python tests/bench/bench_geometry.py`` prints a table: error of pixels that an edge crosses (grey levels of 8 bits, sRGB) and of
-code corners (pixels; each plate's homography by least squares of its exact coverage, one step from the truth).
+``python tests/bench/bench_geometry.py`` prints a table: error of pixels that an edge crosses (grey levels of
+8 bits, sRGB) and of code corners (pixels; each plate's homography by least squares of its exact coverage, one step from the truth).
 """
 
 import sys
@@ -13,13 +13,13 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests" / "blender")]
 
-import pandas as pd
-from exact_coverage import add_polygon, cells_of, exact_radiance
+import pandas as pd  # noqa: E402
+from exact_coverage import add_polygon, cells_of, exact_radiance  # noqa: E402
 
-from expand_tables import expand_tables
-from rig import tables
-from rig.geometry import camera_matrix, make_pose, project
-from rig.scene import load_scene
+from expand_tables import expand_tables  # noqa: E402
+from rig import tables  # noqa: E402
+from rig.geometry import camera_matrix, make_pose, project  # noqa: E402
+from rig.scene import load_scene  # noqa: E402
 
 CAMPAIGN = ROOT / "data/raw/frame"
 MARGIN = 20
@@ -91,7 +91,7 @@ def main():
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         expand = Path(folder) / "expand"
-        expand_tables(CAMPAIGN, None, expand)
+        expand_tables(CAMPAIGN, None, None, expand)
         scene = load_scene(expand)
         stations = tables.read_table(expand / "stations.csv", tables.STATIONS)
         for c in tables.read_table(expand / "cameras.csv", tables.CAMERAS).itertuples():

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+
 from rig import tables
 from rig.geometry import split_pose, station_pose
 from rig.render_store import read_station

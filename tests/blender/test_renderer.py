@@ -3,10 +3,11 @@
 import numpy as np
 import pandas as pd
 import pytest
+from exact_coverage import exact_radiance, sky_coverage
+
 from blender.edges import edge_pixels, edge_segments
 from blender.renderer import Renderer
 from effects.base import Scene, View, highlight_radiance
-from exact_coverage import exact_radiance, sky_coverage
 from rig.geometry import camera_matrix, invert_pose, make_pose, project, station_pose
 from rig.plates import marker_plate, spread_ink
 

@@ -4,9 +4,10 @@ import re
 import sys
 from pathlib import Path
 
-import detectors
 import numpy as np
 import pytest
+
+import detectors
 from bench.marker_scenes import compare, scene
 from detectors import contract
 from rig.errors import InputError

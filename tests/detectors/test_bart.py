@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+
 from bench.marker_scenes import compare, encode, scene, texture
 from detectors import contract
 from detectors.bart.codes import code_tables

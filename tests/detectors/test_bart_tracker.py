@@ -5,6 +5,7 @@ import threading
 import cv2
 import numpy as np
 import pytest
+
 from bench.marker_scenes import scene
 from detectors.bart.filter import PoseFilter
 from detectors.bart.tracker import Tracker

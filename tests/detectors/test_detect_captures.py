@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
+
 from bench.marker_scenes import FOCAL_PX, scene
 from detect_captures import DETECTIONS, detect_captures
 from rig.errors import InputError

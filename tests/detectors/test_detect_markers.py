@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
+
 from bench.marker_scenes import scene
 from detect_markers import COLUMNS, detect_markers, read_image
 from rig.errors import InputError

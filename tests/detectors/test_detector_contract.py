@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+
 from detectors import contract
 from rig.errors import InputError
 from rig.geometry import camera_matrix, make_pose, project, transform

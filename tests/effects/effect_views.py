@@ -1,6 +1,7 @@
 """Views and small images that the effects' tests share."""
 
 import numpy as np
+
 from effects import pipeline
 from effects.base import Scene, View
 from rig.geometry import camera_matrix, station_pose

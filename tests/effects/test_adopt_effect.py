@@ -3,8 +3,9 @@
 import json
 import subprocess
 
-import adopt_effect
 import pytest
+
+import adopt_effect
 from rig.twins import load_twin
 
 STEP = {

@@ -1,9 +1,10 @@
 """An effect is added by adding one file; a file that breaks the contract is named in one message."""
 
-import effects
 import numpy as np
 import pytest
 from effect_views import view
+
+import effects
 from effects import pipeline
 from rig.errors import InputError
 from rig.twins import load_twin

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+
 from effects import pipeline
 
 DOCS = Path(__file__).parents[2] / "docs/effects.md"

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from effect_views import MARGIN, STRONG, scene, view
+
 from effects import pipeline
 from rig.errors import InputError
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from effect_views import noise_image, scene, view
+
 from effects import pipeline
 
 EFFECTS = pipeline.available_effects()

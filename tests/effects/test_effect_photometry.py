@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 from effect_views import MARGIN, noise_image, parameters, view
+
 from effects import encoding, filters, pipeline
 from effects.motion_blur import smear_kernel
 

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from effect_views import MARGIN, view
+
 from effects import pipeline
 from expose_twin import expose_twin
 from rig import tables

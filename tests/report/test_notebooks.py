@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+
 from aggregate.small_campaign import detection, write, write_tables
 from build_report import build_report, verdict_words
 from run_notebook import run_notebook

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+
 from rig.errors import InputError
 from write_provenance import git_state, write_provenance
 

@@ -3,6 +3,7 @@
 import math
 
 import pytest
+
 from rig.campaign import load_campaign
 from rig.errors import InputError
 from shared_files import SHARED, shared

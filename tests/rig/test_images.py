@@ -6,6 +6,7 @@ import zlib
 import cv2
 import numpy as np
 import pytest
+
 from rig.campaign import load_campaign
 from rig.errors import InputError
 from rig.images import check_captures, read_header, read_image

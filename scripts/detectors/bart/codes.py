@@ -375,7 +375,7 @@ def match_blurred(levels, across, down, word, words, owner):
 
 @njit(cache=True, nogil=True)
 def _residuals(image, light, quad, size, mixed, levels, out):
-    """Write levels minus their best multiple of ``mixed`` plus a constant, in contrasts; return their sum of squares."""
+    """Write what a multiple of ``mixed`` plus a constant leaves of the levels, in contrasts; return its square sum."""
     read_levels(image, light, quad, size, levels)
     n = len(levels)
     count = n * n

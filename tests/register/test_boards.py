@@ -1,0 +1,142 @@
+"""Board points: their place to a thousandth of a pixel, our board frame, chessboards seen the other way round."""
+
+import cv2
+import numpy as np
+import pytest
+from rig import boards
+from rig.campaign import Board
+from rig.errors import InputError
+from rig.geometry import camera_matrix, project, station_pose
+from rig.images import read_image
+from rig.registration import pose_from_plane, register_pose
+from rig.scene import target_plate
+from shared_files import shared
+
+K = camera_matrix(900, 900, 399.5, 299.5)
+SIZE = 800, 600
+BOARDS = {
+    "charuco": Board(
+        type="charuco", dictionary="DICT_5X5_1000", columns=7, rows=6, square_m=0.04, marker_m=0.03
+    ),
+    "charuco_legacy": Board(
+        type="charuco",
+        dictionary="DICT_4X4_50",
+        columns=8,
+        rows=6,
+        square_m=0.04,
+        marker_m=0.03,
+        legacy_pattern=True,
+    ),
+    "chessboard": Board(type="chessboard", columns=6, rows=5, square_m=0.04),
+    "chessboard_square": Board(type="chessboard", columns=5, rows=5, square_m=0.045),
+    "aruco_grid": Board(
+        type="aruco_grid", dictionary="DICT_5X5_1000", columns=4, rows=3, marker_m=0.05, gap_m=0.02
+    ),
+    "apriltag_grid": Board(
+        type="apriltag_grid", dictionary="DICT_APRILTAG_36h11", columns=4, rows=3, marker_m=0.05, gap_m=0.02
+    ),
+}
+
+
+def view(turn_deg=10.0):
+    """Return T_cam_board of a camera half a metre off, leaning and rolled by some degrees."""
+    T = station_pose(0.55, 75)
+    T[:3, 3] += T[:3, :3] @ [-0.14, 0.02, 0]
+    s, c = np.sin(np.radians(turn_deg)), np.cos(np.radians(turn_deg))
+    roll = np.eye(4)
+    roll[:2, :2] = [[c, -s], [s, c]]
+    return roll @ T
+
+
+def photograph(board, T, finer=4):
+    """Return the ideal 8-bit image of the board's plate: each pixel the mean of finer x finer exact looks at it."""
+    plate = target_plate(board)
+    steps = (np.arange(finer) + 0.5) / finer - 0.5
+    x = (np.arange(SIZE[0])[:, None] + steps).ravel()
+    y = (np.arange(SIZE[1])[:, None] + steps).ravel()
+    to_plane = np.linalg.inv(K @ T[:3, [0, 1, 3]])
+    px, py = np.meshgrid(x, y)
+    w = to_plane @ np.stack([px.ravel(), py.ravel(), np.ones(px.size)])
+    column = np.searchsorted(plate.x_m, w[0] / w[2]) - 1
+    row = np.searchsorted(plate.y_m, w[1] / w[2]) - 1
+    inside = (column >= 0) & (column < plate.white.shape[1]) & (row >= 0) & (row < plate.white.shape[0])
+    value = np.full(column.shape, 150.0)
+    value[inside] = np.where(plate.white[row[inside], column[inside]], 220, 30)
+    return value.reshape(SIZE[1], finer, SIZE[0], finer).mean((1, 3)).round().astype(np.uint8)
+
+
+@pytest.mark.parametrize("name", BOARDS)
+def test_a_drawn_board_gives_back_its_pose(name):
+    """Signs, origin or order of the board frame would be wrong: the twin's board would lie elsewhere."""
+    T = view()
+    found = boards.find_board(photograph(BOARDS[name], T), BOARDS[name])
+    assert len(found.image) >= boards.LEAST_POINTS and not found.inverted
+    fitted, _, rms = register_pose(
+        found.board, found.image, K, pose_from_plane(found.board, found.image, K), np.full(6, np.inf)
+    )
+    assert rms < 0.5
+    assert np.abs(fitted - T).max() < 0.005
+
+
+@pytest.mark.parametrize("turn_deg", [100, 190, 280])
+@pytest.mark.parametrize("finder", [boards.find_board, boards.find_chessboard_by_sectors])
+def test_a_turned_chessboard_is_numbered_by_its_colours(finder, turn_deg):
+    """The twin would show white squares where the photograph has black ones."""
+    board, T = BOARDS["chessboard"], view(turn_deg)
+    found = finder(photograph(board, T), board)
+    assert not found.inverted
+    assert np.linalg.norm(project(K, T, found.board) - found.image, axis=1).max() < 0.5
+
+
+def test_swapped_colours_are_noticed():
+    """A board printed with white corner squares would be taken for ours without a word."""
+    board = Board(type="chessboard", columns=6, rows=4, square_m=0.04)  # 7 x 5 squares: no turn swaps its colours
+    image = photograph(board, view())
+    assert not boards.find_board(image, board).inverted
+    assert boards.find_board(255 - image, board).inverted == (len(boards.find_board(255 - image, board).image) > 0)
+
+
+def test_charuco_corners_have_no_half_pixel():
+    """opencv#25539: corners of CharucoDetector were half a pixel off before OpenCV's PR 28380; held to 1e-3 px."""
+    side = 40
+    board = Board(type="charuco", dictionary="DICT_5X5_1000", columns=7, rows=6, square_m=0.04, marker_m=0.03)
+    drawn = boards.charuco_board(board).generateImage((7 * side, 6 * side))
+    image = cv2.copyMakeBorder(drawn, 30, 30, 30, 30, cv2.BORDER_CONSTANT, value=255)
+    found = boards.find_board(image, board)
+    # square k of the drawing spans the pixels 30 + 40 k to 69 + 40 k: its edge lies half a pixel before the first
+    exact = np.stack([found.board[:, 0], 6 * board.square_m - found.board[:, 1]], 1) / board.square_m * side + 29.5
+    error = found.image - exact
+    assert len(found.image) == 6 * 5
+    assert np.abs(error).max() < 1e-3
+
+
+@pytest.mark.parametrize("flag", [True, False])
+def test_wrong_legacy_flag_is_said(flag):
+    """A wrong legacy flag would come out as "no board found"."""
+    board = BOARDS["charuco_legacy"].model_copy(update={"legacy_pattern": flag})
+    wrong = board.model_copy(update={"legacy_pattern": not flag})
+    image = photograph(board, view())
+    assert len(boards.find_board(image, wrong).image) == 0
+    shown = "the legacy pattern" if flag else "the pattern of today"
+    message = f"here: legacy_pattern is {str(not flag).lower()} but the photographs show {shown}"
+    with pytest.raises(InputError, match=message):
+        boards.check_legacy_pattern([image], wrong, "here")
+    boards.check_legacy_pattern([image], board, "here")
+
+
+def test_wrong_legacy_flag_on_photographs():
+    """The message would appear on drawings only."""
+    folder = shared("real/charuco_lifecam_1280_old_pattern")
+    board = Board(
+        type="charuco", dictionary="DICT_4X4_1000", columns=8, rows=8, square_m=0.0254, marker_m=0.01905
+    )
+    image = read_image(sorted(folder.glob("*.jpg"))[0])
+    with pytest.raises(InputError, match="legacy_pattern is false but the photographs show the legacy pattern"):
+        boards.check_legacy_pattern([image], board, "target")
+
+
+def test_an_empty_image_shows_no_board():
+    """A capture without the board would crash."""
+    blank = np.full((60, 80), 128, np.uint8)
+    for board in BOARDS.values():
+        assert len(boards.find_board(blank, board).image) == 0
