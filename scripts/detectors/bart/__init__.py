@@ -124,11 +124,11 @@ def read_quads(image, grey, light, quads, size, words, owner, wrong_bits, least_
                 other = read_blurred(image, light, refined, size, words, owner, levels, plane, margins)
                 if other[1] < misfit:
                     entry, misfit, worst, lead = other
-                else:
-                    refined[:] = quads[k]
+                elif module <= BLURRED_MODULE_PX:
+                    refined[:] = quads[k]  # edges of cells as small as these are not to be trusted
             if misfit > LARGEST_MISFIT or worst > LARGEST_MISS or lead < LEAST_LEAD:
                 entry = NO_CODE
-            elif entry != NO_CODE and exact:
+            elif entry != NO_CODE and exact and module <= BLURRED_MODULE_PX:
                 fit_small(image, light, refined, size, words[entry])
                 fitted[m] = entry - owner[entry, 2]
         if entry == NO_CODE:

@@ -396,7 +396,7 @@ def fit_small(image, light, quad, size, code):
     """Move the corners of a small marker (4, 2), in place, to where its blurred code looks most like the image.
 
     Gauss-Newton over the eight coordinates, for the best of three blurs; left as they are where that does not lessen
-    the misfit or would move a corner by more than 1.5 pixels.
+    the misfit or would move a corner by more than 0.8 pixels.
     """
     n = size + 4
     cells = np.zeros((n, n))
@@ -434,7 +434,7 @@ def fit_small(image, light, quad, size, code):
                 break
             current, total = trial, after
             now[:] = moved
-        if total < least and np.abs(current - start).max() < 1.5:
+        if total < least and np.abs(current - start).max() < 0.8:
             least = total
             best = current
     quad[:] = best
