@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+
 from rig import boards
 from rig.campaign import Board
 from rig.errors import InputError
@@ -15,9 +16,7 @@ from shared_files import shared
 K = camera_matrix(900, 900, 399.5, 299.5)
 SIZE = 800, 600
 BOARDS = {
-    "charuco": Board(
-        type="charuco", dictionary="DICT_5X5_1000", columns=7, rows=6, square_m=0.04, marker_m=0.03
-    ),
+    "charuco": Board(type="charuco", dictionary="DICT_5X5_1000", columns=7, rows=6, square_m=0.04, marker_m=0.03),
     "charuco_legacy": Board(
         type="charuco",
         dictionary="DICT_4X4_50",
@@ -29,9 +28,7 @@ BOARDS = {
     ),
     "chessboard": Board(type="chessboard", columns=6, rows=5, square_m=0.04),
     "chessboard_square": Board(type="chessboard", columns=5, rows=5, square_m=0.045),
-    "aruco_grid": Board(
-        type="aruco_grid", dictionary="DICT_5X5_1000", columns=4, rows=3, marker_m=0.05, gap_m=0.02
-    ),
+    "aruco_grid": Board(type="aruco_grid", dictionary="DICT_5X5_1000", columns=4, rows=3, marker_m=0.05, gap_m=0.02),
     "apriltag_grid": Board(
         type="apriltag_grid", dictionary="DICT_APRILTAG_36h11", columns=4, rows=3, marker_m=0.05, gap_m=0.02
     ),
@@ -92,8 +89,9 @@ def test_swapped_colours_are_noticed():
     """A board printed with white corner squares would be taken for ours without a word."""
     board = Board(type="chessboard", columns=6, rows=4, square_m=0.04)  # 7 x 5 squares: no turn swaps its colours
     image = photograph(board, view())
-    assert not boards.find_board(image, board).inverted
-    assert boards.find_board(255 - image, board).inverted == (len(boards.find_board(255 - image, board).image) > 0)
+    for picture, inverted in ((image, False), (255 - image, True)):
+        found = boards.find_chessboard_by_sectors(picture, board)
+        assert len(found.image) == 24 and found.inverted == inverted
 
 
 def test_charuco_corners_have_no_half_pixel():
@@ -127,9 +125,7 @@ def test_wrong_legacy_flag_is_said(flag):
 def test_wrong_legacy_flag_on_photographs():
     """The message would appear on drawings only."""
     folder = shared("real/charuco_lifecam_1280_old_pattern")
-    board = Board(
-        type="charuco", dictionary="DICT_4X4_1000", columns=8, rows=8, square_m=0.0254, marker_m=0.01905
-    )
+    board = Board(type="charuco", dictionary="DICT_4X4_1000", columns=8, rows=8, square_m=0.0254, marker_m=0.01905)
     image = read_image(sorted(folder.glob("*.jpg"))[0])
     with pytest.raises(InputError, match="legacy_pattern is false but the photographs show the legacy pattern"):
         boards.check_legacy_pattern([image], board, "target")

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+
 from register_captures import Markers, register_markers
 from rig.geometry import camera_matrix, perturb_pose, project, station_pose
 from rig.plates import marker_corners_world
