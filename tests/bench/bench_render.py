@@ -80,6 +80,7 @@ def plain(samples):
         bpy.context.scene.world.cycles_visibility.diffuse = False  # or the sky would light the rig once more
         lamp = bpy.data.lights.new("lamp", "SUN")
         lamp.energy = np.pi  # a white surface facing it then has radiance 1
+        lamp.use_shadow = False  # plates hover a millimetre over the ground
         bpy.context.collection.objects.link(bpy.data.objects.new("lamp", lamp))
         levels = {"black": scene.black, "white": scene.white, "ground": scene.ground}
         for name, level in levels.items():
@@ -91,7 +92,7 @@ def plain(samples):
             shader.inputs["Specular IOR Level"].default_value = 0.0
             tree.links.new(shader.outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs["Surface"])
         cycles = bpy.context.scene.cycles
-        cycles.max_bounces, cycles.use_adaptive_sampling, cycles.samples = 4, False, samples
+        cycles.use_adaptive_sampling, cycles.samples = False, samples  # no bounces: in the plain way's favour
         cycles.filter_width = 1.0
         renderer._use_pinhole()
         renderer.camera.matrix_world = Matrix((invert_pose(pose(0)) @ np.diag([1.0, -1, -1, 1])).tolist())
