@@ -66,9 +66,11 @@ def words(diagnosis):
 
 def ladder_figure(ladder, camera):
     """Return a figure: every error against the step, its 95 % interval, and its floor."""
-    fig, axes = plt.subplots(3, 2, figsize=(figures.WIDTH_IN, 5.6), sharex=True)
+    measures = {m: label for m, label in MEASURES.items() if ladder[m].notna().any()}
+    rows = -(-len(measures) // 2)
+    fig, axes = plt.subplots(rows, 2, figsize=(figures.WIDTH_IN, 1.2 + 1.5 * rows), sharex=True, squeeze=False)
     names = ["ideal" if k == 0 else e for k, e in zip(ladder.step, ladder.effect, strict=True)]
-    for axis, (measure, label) in zip(axes.ravel(), MEASURES.items(), strict=True):
+    for axis, (measure, label) in zip(axes.ravel(), measures.items(), strict=False):
         value = ladder[measure]
         axis.fill_between(
             ladder.step, ladder[f"{measure}_low"], ladder[f"{measure}_high"], color=figures.BLUE, alpha=0.2

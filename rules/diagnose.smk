@@ -112,6 +112,48 @@ rule diagnose_camera:
         "../scripts/diagnose_camera.py"
 
 
+if CAMPAIGN and SOURCE.file.target:
+
+    # Hand-held photographs of one board: points are all that is known, so only what moves points can be named.
+    ruleorder: diagnose_board > diagnose_camera
+
+    rule diagnose_board:
+        input:
+            scene=f"{RESULTS}/expand/{{camera}}/scene.json",
+            tables=expand(
+                f"{RESULTS}/expand/{{{{camera}}}}/{{table}}.csv",
+                table=["cameras", "captures"],
+            ),
+            register_json=f"{RESULTS}/register/{{camera}}.json",
+            images=captures_of,
+            code=modules(
+                "job.py",
+                "effects/base.py",
+                "effects/pipeline.py",
+                "gap/fit.py",
+                "gap/points.py",
+                "register_captures.py",
+                "rig/boards.py",
+                "rig/calibration.py",
+                "rig/registration.py",
+            ),
+        output:
+            verdict=f"{RESULTS}/diagnosis/{{camera}}.json",
+            ladder=f"{RESULTS}/diagnosis/{{camera}}/ladder.csv",
+        log:
+            f"{RESULTS}/logs/diagnose_board/{{camera}}.log",
+        conda:
+            "../envs/twingap.yaml"
+        params:
+            campaign=campaign_folder,
+            most_steps=config["diagnose"]["most_steps"],
+            pins=locked("numpy", "opencv-contrib-python-headless"),
+        message:
+            "What does the twin of {wildcards.camera} lack, as its board tells?"
+        script:
+            "../scripts/diagnose_board.py"
+
+
 rule make_ladder:
     input:
         parts=expand(f"{RESULTS}/diagnosis/{{camera}}/ladder.csv", camera=CAMERAS),
