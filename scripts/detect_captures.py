@@ -21,13 +21,18 @@ POSE = ["rx", "ry", "rz", "tx", "ty", "tz"]
 ALT = [f"{name}_alt" for name in POSE]
 NUMBERS = [*CORNERS, *POSE, "reproj_px", *ALT, "reproj_alt_px"]
 DETECTIONS = pa.DataFrameSchema(
-    {"source": pa.Column(str, pa.Check.isin(["real", "twin"])), "capture": pa.Column(str)}
-    | {"dictionary": pa.Column(str), "id": pa.Column(int, coerce=True)}
+    {"source": pa.Column(str, pa.Check.isin(["real", "twin"]), coerce=True), "capture": pa.Column(str, coerce=True)}
+    | {"dictionary": pa.Column(str, coerce=True), "id": pa.Column(int, coerce=True)}
     | {name: pa.Column(float, nullable=name not in CORNERS, coerce=True) for name in NUMBERS},
     strict=True,
 )
 TIMING = pa.DataFrameSchema(
-    {"source": pa.Column(str), "capture": pa.Column(str), "ms": pa.Column(float, coerce=True)}, strict=True
+    {
+        "source": pa.Column(str, coerce=True),
+        "capture": pa.Column(str, coerce=True),
+        "ms": pa.Column(float, coerce=True),
+    },
+    strict=True,
 )
 PROGRESS_S = 10  # seconds between two lines of progress
 
