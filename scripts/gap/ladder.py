@@ -75,7 +75,7 @@ def control_errors(diagnosis, finder, effects, poses, images, floors):
     """Return the floor of each measure: noise of the corners and levels, and a twin against its re-noised self."""
     case, compared, corner, level = diagnosis.case, {}, [], []
     for i in images:
-        capture = case.captures[i], case.captures[i].observation
+        capture = case.captures[i]
         radiance = diagnosis.fitter.radiance(i, effects, poses[i])
         pair = []
         for draw in ("a", "b"):
