@@ -46,6 +46,19 @@ def test_values_of_the_command_line_arrive_as_meant():
     assert done["render"]["threads"] == 2
 
 
+def test_parameters_of_detectors_arrive_as_meant():
+    """--config "detectors={bart: {multi_scale: false}}" arrives as the text 'false', which is no bool."""
+    given = {"bart": {"multi_scale": "false", "window_px": "15", "coarse_mpx": "0.8", "threshold": "mean"}}
+    done = check_config({"detectors": given | {"aruco": {}}})["detectors"]
+    assert done["bart"] == {"multi_scale": False, "window_px": 15, "coarse_mpx": 0.8, "threshold": "mean"}
+
+
+def test_null_takes_a_detector_out():
+    """Snakemake merges a user's settings into the default ones: leaving a name out leaves it in."""
+    done = check_config({"detectors": {"aruco": {}, "aruco_subpix": "null", "bart": None}})
+    assert done["detectors"] == {"aruco": {}}
+
+
 def test_an_experiment_takes_the_campaigns_place():
     done = check_config({"campaign": "data/raw/frame", "experiment": "x.yaml"})
     assert (done["campaign"], done["experiment"]) == (None, "x.yaml")

@@ -6,6 +6,7 @@ from them by ``python scripts/generate_config.py``.
 
 from typing import Annotated, Literal
 
+import yaml
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from rig.errors import InputError
@@ -18,6 +19,32 @@ def _null(value):
 
 # The command line's `--config campaign=null` arrives as text.
 MaybePath = Annotated[str | None, BeforeValidator(_null)]
+
+
+def _as_in_a_file(value):
+    """Return a value with texts such as ``false`` and ``2`` read as a YAML file's: --config hands texts over."""
+    if isinstance(value, dict):
+        return {key: _as_in_a_file(v) for key, v in value.items()}
+    if isinstance(value, list):
+        return [_as_in_a_file(v) for v in value]
+    if not isinstance(value, str):
+        return value
+    try:
+        read = yaml.safe_load(value)
+    except yaml.YAMLError:
+        return value
+    return read if read is None or isinstance(read, bool | int | float) else value
+
+
+def _chosen(detectors):
+    """Return the detectors without those that are null: Snakemake merges settings, so there is no other way out."""
+    detectors = _as_in_a_file(detectors)
+    if not isinstance(detectors, dict):
+        return detectors
+    return {name: parameters for name, parameters in detectors.items() if parameters is not None}
+
+
+Detectors = Annotated[dict[str, dict], BeforeValidator(_chosen)]
 
 
 class Settings(BaseModel):
@@ -63,9 +90,9 @@ class Config(Settings):
         description="a designed experiment without photographs, in the campaign's place (config/experiments)",
     )
     seed: str = Field("twingap", max_length=64, description="enters every random number, together with names")
-    detectors: dict[str, dict] = Field(
+    detectors: Detectors = Field(
         default_factory=lambda: {"aruco": {}, "aruco_subpix": {}, "bart": {}},
-        description="detectors that run, each with parameters that differ from its defaults",
+        description="detectors that run, each with parameters that differ from its defaults; null takes one out",
     )
     render: Render = Field(default_factory=Render, description="how Blender renders")
     aggregate: Aggregate = Field(default_factory=Aggregate, description="how detections are counted")

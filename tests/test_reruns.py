@@ -1,0 +1,118 @@
+"""What a change costs, asked of the real workflow with ``snakemake -n`` after one whole run of a tiny campaign.
+
+The campaign shows no marker at all, which is a result (coverage 0) and no crash.
+"""
+
+import re
+
+import pandas as pd
+import pytest
+
+from tiny_campaign import CAPTURES, lay_down
+from workflow_runs import copy_project, snakemake
+
+CONFIG = ("detectors={aruco_subpix: null}", "diagnose={candidates: [lens_blur]}", "render={edge_samples: 16}")
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    """Return (project, campaign) after a whole run."""
+    folder = tmp_path_factory.mktemp("reruns")
+    project, campaign = copy_project(folder / "project"), lay_down(folder / "tiny")
+    status, said = snakemake(project, "--cores", 2, "--config", f"campaign={campaign}", *CONFIG)
+    assert status == 0, said[-4000:]
+    return project, campaign
+
+
+def planned(done, *config):
+    """Return {rule: number of jobs} that a run would start now."""
+    project, campaign = done
+    status, said = snakemake(project, "-n", "--cores", 2, "--config", f"campaign={campaign}", *(config or CONFIG))
+    assert status == 0, said[-4000:]
+    if "Nothing to be done" in said:
+        return {}
+    table = said.split("Job stats:")[1].split("\n\n")[0]
+    return {k: int(n) for k, n in re.findall(r"^(\w+) +(\d+)$", table, re.M) if k not in ("job", "total", "all")}
+
+
+def edited(path, find, replace):
+    """Replace text in a file and return a function that puts it back."""
+    old = path.read_text()
+    assert find in old
+    path.write_text(old.replace(find, replace, 1))
+    return lambda: path.write_text(old)
+
+
+def test_a_whole_run_of_a_campaign_without_markers_is_a_result(done):
+    """Coverage 0 must come out as 0, and the report must be there."""
+    project, _ = done
+    table = pd.read_csv(project / "results/tiny/tables/table1.csv")
+    assert (table.coverage_pct.fillna(0) == 0).all()
+    assert (project / "results/tiny/report/index.html").stat().st_size > 1000
+
+
+def test_nothing_reruns_after_a_run_nor_after_touching(done):
+    """A rule with an unstable parameter, or one that minds times, would plan jobs here."""
+    project, campaign = done
+    assert planned(done) == {}
+    (project / "scripts/detectors/aruco.py").touch()
+    (project / "notebooks/figure3.ipynb").touch()
+    assert planned(done) == {}
+
+
+def test_a_detectors_edit_reruns_that_detector_and_what_reads_it(done):
+    """Renders, twin images or another detector in the plan would make detector work slow."""
+    project, _ = done
+    undo = edited(project / "scripts/detectors/aruco.py", '"""', '"""Edited. ')
+    try:
+        plan = planned(done)
+    finally:
+        undo()
+    assert plan["detect_captures"] == 2
+    assert {"aggregate_detections", "make_tables", "build_report"} <= set(plan)
+    assert not {"render_stations", "expose_twin", "register_captures", "try_effect"} & set(plan)
+
+
+def test_a_detectors_parameter_reruns_that_detector(done):
+    """A parameter that is no parameter of the rule would slip through."""
+    plan = planned(done, "detectors={aruco_subpix: null, bart: {multi_scale: false}}", *CONFIG[1:])
+    assert plan["detect_captures"] == 2
+    assert "render_stations" not in plan
+
+
+def test_a_notebooks_edit_reruns_it_and_the_report(done):
+    """Tables in the plan would mean that a picture's colour costs minutes."""
+    project, _ = done
+    undo = edited(project / "notebooks/figure3.ipynb", "# ", "# Edited: ")
+    try:
+        plan = planned(done)
+    finally:
+        undo()
+    assert plan == {"run_figure3": 1, "build_report": 1}
+
+
+def test_a_new_capture_reruns_its_camera(done):
+    """The other camera's renders and detections must stay."""
+    _, campaign = done
+    (campaign / "images/left/c.png").write_bytes((campaign / "images/right/b.png").read_bytes())
+    undo = edited(campaign / "captures.csv", CAPTURES, CAPTURES + "left_c,left,0.3,45,2,images/left/c.png\n")
+    try:
+        plan = planned(done)
+    finally:
+        undo()
+        (campaign / "images/left/c.png").unlink()
+    assert plan["register_captures"] == 1 and plan["detect_captures"] == 2 and plan["expose_twin"] == 1
+
+
+def test_a_bumped_dependency_reruns_what_uses_it(done):
+    """Snakemake sees no package upgrades: the lock's versions must be parameters."""
+    project, _ = done
+    lock = project / "envs/twingap.lock.txt"
+    version = re.search(r"^papermill==[^ ]+", lock.read_text(), re.M).group(0)
+    undo = edited(lock, version, "papermill==99.0")
+    try:
+        plan = planned(done)
+    finally:
+        undo()
+    assert {"run_overview", "run_tables", "build_report"} <= set(plan)
+    assert not {"render_stations", "detect_captures"} & set(plan)
