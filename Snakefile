@@ -49,6 +49,8 @@ for stage in (
     "aggregate",
     "diagnose",
     "report",
+    "moving",
+    "blind_trials",
 ):
     if Path(f"rules/{stage}.smk").is_file():
 

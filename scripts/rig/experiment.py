@@ -197,6 +197,20 @@ def _model(kind, path):
         raise InputError(validation_message(path, error, kind)) from None
 
 
+def rig_markers(path):
+    """Return the markers' table of a rig's file; InputError where it has no plate or one id twice."""
+    rig = _model(RigFile, path)
+    rows = [row for ladder in rig.ladders for row in ladder.rows()]
+    rows += [row for board in rig.boards for row in board.plate_rows()]
+    markers = pd.DataFrame(rows, columns=["dictionary", "id", "code_m", "plate_m", "x", "y", "z", "rx", "ry", "rz"])
+    doubled = markers[markers.duplicated(["dictionary", "id"])]
+    if len(doubled):
+        raise InputError(f"{path}: {doubled.iloc[0].dictionary} {doubled.iloc[0].id} stands twice")
+    if not len(markers):
+        raise InputError(f"{path}: no plates; give ladders, boards or both")
+    return markers
+
+
 def load_experiment(path):
     """Return the DesignedCampaign of an experiment's file; camera and rig files lie beside its folder."""
     path = Path(path)
@@ -206,16 +220,7 @@ def load_experiment(path):
         name: _model(CameraSheet, inside(config / "cameras", file, f"{path}: cameras.{name}")).nominal()
         for name, file in experiment.cameras.items()
     }
-    rig_path = inside(config / "rigs", experiment.rig, f"{path}: rig")
-    rig = _model(RigFile, rig_path)
-    rows = [row for ladder in rig.ladders for row in ladder.rows()]
-    rows += [row for board in rig.boards for row in board.plate_rows()]
-    markers = pd.DataFrame(rows, columns=["dictionary", "id", "code_m", "plate_m", "x", "y", "z", "rx", "ry", "rz"])
-    doubled = markers[markers.duplicated(["dictionary", "id"])]
-    if len(doubled):
-        raise InputError(f"{rig_path}: {doubled.iloc[0].dictionary} {doubled.iloc[0].id} stands twice")
-    if not len(markers):
-        raise InputError(f"{rig_path}: no plates; give ladders, boards or both")
+    markers = rig_markers(inside(config / "rigs", experiment.rig, f"{path}: rig"))
     facts = _Facts(experiment.name, cameras, experiment.reflectance, experiment.noise_dn)
     return DesignedCampaign(facts, markers, _stations(experiment))
 

@@ -1,0 +1,278 @@
+"""Moving: cameras on trajectories before a rig, detectors on them as on video. A target of its own: `snakemake moving`.
+
+Needs: config/moving/NAME.yaml and its rig. Makes: results/moving/NAME/: truth.csv, frames/TRAJECTORY/, detect/DETECTOR.csv,
+tables/moving.csv, clips/DETECTOR.webm, notebooks/, report/moving.html. Another experiment is another file:
+`snakemake results/moving/NAME/report/moving.html`.
+"""
+
+MOVING = "results/moving/{moving}"
+
+
+def moving_experiment(wildcards):
+    """Return the moving_config.Moving of a job; end with one message where its file is wrong."""
+    from rig.moving_config import load_moving
+
+    try:
+        return load_moving(f"config/moving/{wildcards.moving}.yaml")
+    except InputError as error:
+        end_with(error)
+
+
+def moving_rig(wildcards):
+    """Return the rig's file of a moving experiment."""
+    return f"config/rigs/{moving_experiment(wildcards).file.rig}"
+
+
+def moving_trajectories(wildcards):
+    """Return the names of the trajectories."""
+    return sorted(moving_experiment(wildcards).file.trajectories)
+
+
+def moving_detectors(wildcards):
+    """Return the names of the detectors that run on the frames."""
+    return sorted(moving_experiment(wildcards).file.detectors)
+
+
+def moving_frames(wildcards):
+    """Return the folders of frames of all trajectories."""
+    names = moving_trajectories(wildcards)
+    return expand(
+        f"{MOVING}/frames/{{trajectory}}", trajectory=names, moving=wildcards.moving
+    )
+
+
+def moving_detections(wildcards):
+    """Return the reports of all detectors."""
+    names = moving_detectors(wildcards)
+    return expand(
+        f"{MOVING}/detect/{{detector}}.csv", detector=names, moving=wildcards.moving
+    )
+
+
+def moving_timings(wildcards):
+    """Return the timings of all detectors."""
+    names = moving_detectors(wildcards)
+    return expand(
+        f"{MOVING}/detect/{{detector}}_timing.csv",
+        detector=names,
+        moving=wildcards.moving,
+    )
+
+
+def moving_clips(wildcards):
+    """Return the clips of all detectors."""
+    names = moving_detectors(wildcards)
+    return expand(
+        f"{MOVING}/clips/{{detector}}.webm", detector=names, moving=wildcards.moving
+    )
+
+
+def moving_threads(wildcards):
+    """Return the threads of a render job."""
+    return moving_experiment(wildcards).file.threads
+
+
+def moving_store(wildcards):
+    """Return where a trajectory's linear renders are kept between runs."""
+    return f"results/moving/{wildcards.moving}/render/{wildcards.trajectory}"
+
+
+def moving_paths(wildcards):
+    """Return what the notebook is told: the run's folder, the repository, the experiment's file."""
+    return {
+        "results": f"results/moving/{wildcards.moving}",
+        "project": ".",
+        "experiment": f"config/moving/{wildcards.moving}.yaml",
+    }
+
+
+MOVING_CODE = modules(
+    "job.py",
+    "rig/experiment.py",
+    "rig/geometry.py",
+    "rig/moving_config.py",
+    "rig/moving_truth.py",
+    "rig/plates.py",
+    "rig/trajectories.py",
+)
+
+
+wildcard_constraints:
+    moving="[A-Za-z0-9_-]+",
+    trajectory="[A-Za-z0-9_-]+",
+
+
+rule moving:
+    input:
+        "results/moving/default/report/moving.html",
+        "results/moving/default/tables/moving.csv",
+    message:
+        "Moving cameras are in results/moving/default/report/moving.html"
+
+
+rule trace_moving:
+    input:
+        experiment="config/moving/{moving}.yaml",
+        rig=moving_rig,
+        code=MOVING_CODE,
+    output:
+        truth=f"{MOVING}/truth.csv",
+        markers=f"{MOVING}/markers.csv",
+    log:
+        f"{MOVING}/logs/trace_moving.log",
+    conda:
+        "../envs/twingap.yaml"
+    params:
+        pins=locked("numpy", "scipy", "opencv-contrib-python-headless"),
+    message:
+        "Tracing where markers are seen, row by row"
+    script:
+        "../scripts/trace_moving.py"
+
+
+rule render_moving:
+    input:
+        experiment="config/moving/{moving}.yaml",
+        rig=moving_rig,
+        code=MOVING_CODE
+        + modules(
+            "blender/moving.py",
+            "blender/renderer.py",
+            "effects/base.py",
+            "effects/encoding.py",
+            "effects/pipeline.py",
+            "rig/render_store.py",
+        ),
+    output:
+        frames=directory(f"{MOVING}/frames/{{trajectory}}"),
+        timing=f"{MOVING}/render/{{trajectory}}_timing.csv",
+    log:
+        f"{MOVING}/logs/render_moving/{{trajectory}}.log",
+    benchmark:
+        f"{MOVING}/benchmarks/render_moving/{{trajectory}}.tsv"
+    conda:
+        "../envs/twingap.yaml"
+    threads: moving_threads
+    params:
+        store=moving_store,
+        pins=locked("bpy", "numpy", "numba"),
+    message:
+        "Rendering the camera's motion {wildcards.trajectory}"
+    script:
+        "../scripts/render_moving.py"
+
+
+rule detect_moving:
+    input:
+        experiment="config/moving/{moving}.yaml",
+        rig=moving_rig,
+        frames=moving_frames,
+        code=MOVING_CODE
+        + modules(
+            "detect_markers.py",
+            "detectors/_opencv.py",
+            "detectors/contract.py",
+            "rig/tables.py",
+        ),
+        detector_code=detector_code,
+    output:
+        detections=f"{MOVING}/detect/{{detector}}.csv",
+        timing=f"{MOVING}/detect/{{detector}}_timing.csv",
+    log:
+        f"{MOVING}/logs/detect_moving/{{detector}}.log",
+    benchmark:
+        f"{MOVING}/benchmarks/detect_moving/{{detector}}.tsv"
+    wildcard_constraints:
+        detector="[a-z0-9_]+(?<!_timing)",
+    conda:
+        "../envs/twingap.yaml"
+    params:
+        trajectories=moving_trajectories,
+        pins=locked("opencv-contrib-python-headless", "numpy", "numba", "pandas"),
+    message:
+        "Following markers with {wildcards.detector}"
+    script:
+        "../scripts/detect_moving.py"
+
+
+rule measure_moving:
+    input:
+        experiment="config/moving/{moving}.yaml",
+        rig=moving_rig,
+        truth=f"{MOVING}/truth.csv",
+        detections=moving_detections,
+        timings=moving_timings,
+        code=MOVING_CODE
+        + modules("detect_moving.py", "rig/moving_metrics.py", "rig/tables.py"),
+    output:
+        measures=f"{MOVING}/tables/moving.csv",
+        cells=f"{MOVING}/tables/moving_cells.csv",
+        timing=f"{MOVING}/tables/moving_timing.csv",
+    log:
+        f"{MOVING}/logs/measure_moving.log",
+    conda:
+        "../envs/twingap.yaml"
+    params:
+        detectors=moving_detectors,
+        pins=locked("numpy", "scipy", "pandas"),
+    message:
+        "Measuring what moved cameras lose"
+    script:
+        "../scripts/measure_moving.py"
+
+
+rule draw_moving:
+    input:
+        experiment="config/moving/{moving}.yaml",
+        rig=moving_rig,
+        truth=f"{MOVING}/truth.csv",
+        frames=moving_frames,
+        detections=f"{MOVING}/detect/{{detector}}.csv",
+        code=MOVING_CODE + modules("detect_moving.py", "rig/moving_metrics.py"),
+    output:
+        f"{MOVING}/clips/{{detector}}.webm",
+    log:
+        f"{MOVING}/logs/draw_moving/{{detector}}.log",
+    conda:
+        "../envs/twingap.yaml"
+    params:
+        trajectories=moving_trajectories,
+        pins=locked("opencv-contrib-python-headless"),
+    message:
+        "Drawing what {wildcards.detector} reports as a clip"
+    script:
+        "../scripts/draw_moving.py"
+
+
+rule run_moving:
+    input:
+        experiment="config/moving/{moving}.yaml",
+        rig=moving_rig,
+        tables=expand(
+            f"{MOVING}/tables/{{table}}.csv",
+            table=["moving", "moving_cells", "moving_timing"],
+            allow_missing=True,
+        ),
+        truth=f"{MOVING}/truth.csv",
+        detections=moving_detections,
+        frames=moving_frames,
+        clips=moving_clips,
+        notebook="notebooks/moving.ipynb",
+        helpers=["notebooks/figures.py", "notebooks/moving_figures.py"],
+        template="scripts/moving_template.html.j2",
+        frame="scripts/page_template.html.j2",
+        code=modules("job.py", "rig/geometry.py", "rig/plates.py"),
+    output:
+        notebook=f"{MOVING}/notebooks/moving.ipynb",
+        page=f"{MOVING}/report/moving.html",
+    log:
+        f"{MOVING}/logs/run_moving.log",
+    conda:
+        "../envs/twingap.yaml"
+    params:
+        paths=moving_paths,
+        pins=locked("papermill", "nbconvert", "matplotlib"),
+    message:
+        "Drawing tracks of moving cameras"
+    script:
+        "../scripts/run_notebook.py"

@@ -1,0 +1,130 @@
+"""Detect: one detector on the frames of all trajectories as on video; BART as its tracker, others frame by frame."""
+
+import logging
+import time
+from pathlib import Path
+
+import pandas as pd
+import pandera.pandas as pa
+
+import job
+from detect_markers import read_image
+from detectors import contract
+from rig.errors import InputError
+from rig.moving_config import load_moving
+from rig.moving_truth import CORNERS, POSE
+from rig.tables import write_table
+
+log = logging.getLogger("twingap")
+
+DETECTIONS = pa.DataFrameSchema(
+    {"trajectory": pa.Column(str, coerce=True), "frame": pa.Column(int, coerce=True)}
+    | {"dictionary": pa.Column(str, coerce=True), "id": pa.Column(int, coerce=True)}
+    | {"seen": pa.Column(bool, coerce=True)}
+    | {name: pa.Column(float, coerce=True) for name in CORNERS}
+    | {name: pa.Column(float, nullable=True, coerce=True) for name in POSE},
+    strict=True,
+)
+TIMING = pa.DataFrameSchema(
+    {"trajectory": pa.Column(str, coerce=True), "frame": pa.Column(int, coerce=True)}
+    | {"budget_ms": pa.Column(float, nullable=True, coerce=True), "ms": pa.Column(float, coerce=True)}
+    | {"partial": pa.Column(bool, coerce=True)},
+    strict=True,
+)
+
+
+class FrameByFrame:
+    """A detector by the contract, with the better planar pose of each marker."""
+
+    def __init__(self, name, parameters, dictionaries, K, code_m):
+        self.detector = contract.make(name, dictionaries, parameters)
+        self.K, self.code_m = K, code_m
+
+    def update(self, image, t_s):
+        """Return (rows from dictionary to tz, milliseconds of the detection alone, False: never partial)."""
+        start = time.perf_counter()
+        found = self.detector.detect(image)
+        ms = 1000 * (time.perf_counter() - start)
+        return [self._row(d) for d in found], ms, False
+
+    def _row(self, d):
+        side = self.code_m.get((d.dictionary, d.id))
+        poses = contract.estimate_poses(d.corners, side, self.K) if side else []
+        pose = [*poses[0][0], *poses[0][1]] if poses else [None] * 6
+        return [d.dictionary, d.id, True, *d.corners.ravel(), *pose]
+
+
+class Tracked:
+    """BART's tracker: a marker's pose is the filtered one, and it may be carried on unseen."""
+
+    def __init__(self, parameters, dictionaries, K, code_m):
+        from detectors.bart.tracker import Tracker
+
+        self.tracker = Tracker(dictionaries, K=K, code_m=code_m, **parameters)
+
+    def update(self, image, t_s):
+        """Return (rows from dictionary to tz, milliseconds with poses and filters, whether the budget ran out)."""
+        frame = self.tracker.update(image, t_s)
+        return [self._row(m) for m in frame.markers], frame.ms, frame.partial
+
+    def _row(self, m):
+        pose = [None] * 6 if m.rvec is None else [*m.rvec, *m.tvec]
+        return [m.dictionary, m.id, m.seen, *m.corners.ravel(), *pose]
+
+
+def make_follower(name, parameters, moving):
+    """Return what follows markers through a sequence by ``update(image, t_s)``: new, without memory."""
+    code_m = {(m.dictionary, m.id): m.code_m for m in moving.markers.itertuples()}
+    dictionaries = sorted(set(moving.markers.dictionary))
+    if name == "bart":
+        return Tracked(parameters, dictionaries, moving.K, code_m)
+    return FrameByFrame(name, parameters, dictionaries, moving.K, code_m)
+
+
+def follow(follower, images, times_s):
+    """Return (rows of DETECTIONS, rows (frame, ms, partial)) of a sequence, each without its trajectory."""
+    rows, timing = [], []
+    for frame, (image, t_s) in enumerate(zip(images, times_s, strict=True)):
+        found, ms, partial = follower.update(image, float(t_s))
+        rows += sorted([frame, *row] for row in found)
+        timing.append([frame, ms, partial])
+    return rows, timing
+
+
+def detect_moving(experiment, detector, folders, out, timing):
+    """Write what a detector reports in the frames of all trajectories, and how long each frame took.
+
+    folders  {trajectory: folder of its frames}
+    Where a detector keeps a budget, a second run with it is timed; reports are of the first, which no clock decides.
+    """
+    moving = load_moving(experiment)
+    parameters = moving.file.detectors[detector]
+    rows, clocks = [], []
+    budgets = [None, moving.file.budget_ms] if detector == "bart" else [None]
+    for name in sorted(folders):
+        images = [read_image(path) for path in sorted(Path(folders[name]).glob("*.png"))]
+        if len(images) != moving.file.frames:
+            raise InputError(f"{folders[name]}: {len(images)} frames, {moving.file.frames} are configured")
+        for image in images[:2]:  # untimed: compilation is no property of a frame
+            make_follower(detector, parameters, moving).update(image, 0.0)
+        for budget in budgets:
+            limit = {} if budget is None else {"budget_ms": budget}
+            found, took = follow(make_follower(detector, parameters | limit, moving), images, moving.times_s)
+            clocks += [[name, frame, budget, ms, partial] for frame, ms, partial in took]
+            if budget is None:
+                rows += [[name, *row] for row in found]
+        log.info("%s, %s: %d reports in %d frames", detector, name, sum(r[0] == name for r in rows), len(images))
+    write_table(pd.DataFrame(rows, columns=list(DETECTIONS.columns)), out, DETECTIONS)
+    write_table(pd.DataFrame(clocks, columns=list(TIMING.columns)), timing, TIMING)
+
+
+if __name__ == "__main__":
+    job.run(
+        detect_moving,
+        snakemake,
+        experiment=snakemake.input.experiment,
+        detector=snakemake.wildcards.detector,
+        folders=dict(zip(snakemake.params.trajectories, snakemake.input.frames, strict=True)),
+        out=snakemake.output.detections,
+        timing=snakemake.output.timing,
+    )
