@@ -1,5 +1,6 @@
 # make          environment, embedded campaign, results; ends with the path of the report
 # make test     all tests
+# make picture  the README's picture, from the results
 # make bench    the measurements of docs/benchmarks.md (long)
 # make lint     style and workflow checks
 # make lock     renew envs/twingap.lock.txt from pyproject.toml
@@ -19,7 +20,7 @@ ifneq ($(SYSTEM_CERTIFICATES),)
 export SSL_CERT_FILE ?= $(SYSTEM_CERTIFICATES)
 endif
 
-.PHONY: results environment data test bench lint lock
+.PHONY: results environment data test picture bench lint lock
 
 results: environment data
 	$(BIN)/snakemake --cores $(CORES)
@@ -44,6 +45,9 @@ data: environment
 
 test: environment data
 	$(BIN)/python -m pytest
+
+picture: results
+	PYTHONPATH=scripts $(BIN)/python notebooks/front_picture.py results/frame hp325 docs/picture.png
 
 bench: environment data
 	$(BIN)/python tests/bench/run_benchmarks.py
