@@ -8,6 +8,7 @@ HERE = Path(__file__).resolve().parent
 RUNS = [
     ["bench_geometry.py"],
     ["bench_render.py"],
+    ["bench_repeatability.py"],
     ["bench_calibration.py"],
     ["bench_detectors.py"],
     ["bench_blind.py", "--kind", "none", "--count", "20"],

@@ -1,0 +1,179 @@
+"""README is what a newcomer types: every command in it is run here as it stands, or as far as a test can go.
+
+A command of README that is not in COMMANDS, or one in COMMANDS that README no longer has, fails.
+"""
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tiny_campaign import lay_down
+from workflow_runs import PROJECT
+
+README = (PROJECT / "README.md").read_text(encoding="utf-8")
+PROGRAMS = ("make", "snakemake", "source", "jupyter", "python", "dvc", "cp", "git", "uv", ".tools/bin/uv")
+LONGEST_S = 120
+
+
+def as_it_stands(place, command):
+    """Run it."""
+    return place.run(command)
+
+
+def planned(place, command):
+    """Run a long snakemake command as a dry run: it ends after the plan."""
+    said = place.run(f"{command} -n")
+    assert "Traceback" not in said
+    return said
+
+
+def made(*steps):
+    """Return what asks make for its steps, which must hold these words."""
+
+    def check(place, command):
+        said = place.run(command.replace("make", "make -n", 1))
+        for step in steps:
+            assert step in said
+        return said
+
+    return check
+
+
+def another_remote(place, command):
+    """Run `dvc remote add`, which opens no connection, and see that DVC took it."""
+    place.run("dvc remote remove team || true")
+    place.run(command)
+    assert command.split()[-1].split("/")[-1] in place.run("dvc remote list")
+
+
+def served(place, command):
+    """Start Jupyter until it says that it listens."""
+    options = "--no-browser --allow-root --port=0 --ServerApp.port_retries=50"
+    log = place.folder / "jupyter.log"
+    (place.folder / "results/frame/notebooks").mkdir(parents=True, exist_ok=True)
+    with open(log, "w") as file:
+        run = subprocess.Popen(
+            ["bash", "-c", f"exec {command} {options}"],
+            cwd=place.folder, env=place.environment, stdout=file, stderr=file, start_new_session=True,
+        )  # fmt: skip
+    try:
+        end = time.monotonic() + LONGEST_S
+        while "is running at" not in log.read_text() and run.poll() is None and time.monotonic() < end:
+            time.sleep(0.2)
+    finally:
+        os.killpg(run.pid, signal.SIGKILL)
+        run.wait()
+    assert "is running at" in log.read_text(), log.read_text()[-2000:]
+
+
+def without_results(place, command):
+    """Adopting needs a diagnosis: before the first run it must say so, in one line."""
+    said = place.run(command, status=1)
+    assert "error: " in said and "Traceback" not in said
+
+
+def installed(place, command):
+    """An installation needs the network: see that make puts the program there."""
+    assert f"UV := {command.split()[0]}" in (PROJECT / "Makefile").read_text()
+
+
+# What README has -> how it is tried. Those that change the folder come in README's order.
+COMMANDS = {
+    "make": made("venv", "dvc pull", "snakemake --cores 2", "results/frame/report/index.html"),
+    "make test": made("-m pytest"),
+    "make picture": made("docs/picture.png"),
+    "source .venv/bin/activate": as_it_stands,
+    "snakemake -n": as_it_stands,
+    "snakemake --cores 2": planned,
+    "snakemake --cores 2 diagnose": planned,
+    "jupyter lab results/frame/notebooks": served,
+    "python scripts/adopt_effect.py hp325": without_results,
+    "snakemake --unlock": as_it_stands,
+    "snakemake --cores 2 --config campaign=path/to/folder": planned,
+    "snakemake --cores 2 --config experiment=config/experiments/paper.yaml": planned,
+    "dvc remote add --default team s3://bucket/twingap": another_remote,
+    "dvc remote add --default team ssh://user@host/path/twingap": another_remote,
+    "dvc remote add --default team /mnt/share/twingap": another_remote,
+    "dvc push": as_it_stands,
+    "cp -r path/to/folder data/raw/ && dvc add data/raw/folder && dvc push": as_it_stands,
+    "dvc pull": as_it_stands,
+    "dvc pull --remote embedded data/raw/frame.dvc": as_it_stands,
+    '.tools/bin/uv pip install "dvc[s3]"': installed,
+    '.tools/bin/uv pip install "dvc[ssh]"': installed,
+}
+
+
+def commands_of(text):
+    """Return the commands of a Markdown text: lines of fenced blocks, and code in running text and comments."""
+    fenced = "".join(re.findall(r"^```\n(.*?)^```", text, re.M | re.S))
+    running = re.sub(r"^```.*?^```", "", text, flags=re.M | re.S)
+    found = [" ".join(code.split()) for code in re.findall(r"`([^`]+)`", running)]
+    for line in fenced.splitlines():
+        command, _, comment = line.partition(" #")
+        found += [command.strip(), comment.removeprefix(" needs:").strip()]
+    return [f for f in dict.fromkeys(found) if f.split()[:1] and f.split()[0] in PROGRAMS and f not in ("dvc", "git")]
+
+
+class Place:
+    """A fresh clone with an environment, in which commands run; the words that stand for paths are replaced."""
+
+    def __init__(self, folder):
+        self.folder = folder / "twingap"
+        self.words = {"path/to/folder": folder / "folder", "/mnt/share/twingap": folder / "share/twingap"}
+        path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+        self.environment = os.environ | {"PATH": path, "GIT_CONFIG_GLOBAL": "/dev/null"}
+
+    def run(self, command, status=0):
+        """Run a command, hold it to an exit status, and return all that it said."""
+        for word, path in self.words.items():
+            command = command.replace(word, str(path))
+        done = subprocess.run(
+            ["bash", "-c", command], cwd=self.folder, env=self.environment, text=True, check=False,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=LONGEST_S,
+        )  # fmt: skip
+        assert done.returncode == status, f"{command}\n{done.stdout[-3000:]}"
+        return done.stdout
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """Return a clone with today's files, the embedded campaign fetched, and a campaign of one's own beside it."""
+    if not (PROJECT / ".git").exists():
+        pytest.skip("needs a clone: DVC works in git repositories")
+    folder = tmp_path_factory.mktemp("readme")
+    place = Place(folder)
+    subprocess.run(["git", "clone", "-q", str(PROJECT), str(place.folder)], check=True)
+    listed = subprocess.run(
+        ["git", "ls-files", "-m", "-o", "--exclude-standard"], cwd=PROJECT, capture_output=True, text=True, check=True
+    )
+    for name in listed.stdout.splitlines():
+        if (PROJECT / name).is_file():
+            (place.folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(PROJECT / name, place.folder / name)
+    (place.folder / ".venv").symlink_to(Path(sys.prefix))
+    lay_down(folder / "folder")
+    place.run("dvc pull --quiet --remote embedded data/raw/frame.dvc")
+    return place
+
+
+def test_every_command_of_readme_is_tried():
+    assert sorted(commands_of(README)) == sorted(COMMANDS)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_command_of_readme_works(place, command):
+    COMMANDS[command](place, command)
+
+
+def test_links_of_the_documentation_lead_somewhere():
+    """A newcomer follows them."""
+    for page in [PROJECT / "README.md", PROJECT / "config/README.md", *sorted((PROJECT / "docs").glob("*.md"))]:
+        for link in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text(encoding="utf-8")):
+            assert "://" in link or (page.parent / link).exists(), f"{page.name}: {link}"
