@@ -241,13 +241,6 @@ def free_parameters(wildcards):
     return twin_free(wildcards.camera)
 
 
-def configured_code(wildcards):
-    """Return the files of the effects of the camera's twin."""
-    return modules(
-        *[f"effects/{name}.py" for name, _ in twin_effects(wildcards.camera)]
-    )
-
-
 def twin_files():
     """Return the twins' files of all cameras."""
     paths = [Path(f"config/twins/{NAME}/{camera}.yaml") for camera in CAMERAS]

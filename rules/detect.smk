@@ -18,6 +18,7 @@ rule detect_captures:
             "detectors/contract.py",
             "detectors/_opencv.py",
             "rig/geometry.py",
+            "rig/images.py",
             "rig/plates.py",
             "rig/tables.py",
         ),

@@ -29,6 +29,12 @@ GAP_CODE = modules(
 CANDIDATES = config["diagnose"]["candidates"] or sorted(available_effects())
 
 
+def effect_files(wildcards):
+    """Return the files of the effects of the camera's twin and of all that compete."""
+    names = {name for name, _ in twin_effects(wildcards.camera)}
+    return modules(*[f"effects/{name}.py" for name in sorted(names | set(CANDIDATES))])
+
+
 wildcard_constraints:
     effect="|".join(sorted(available_effects())),
 
@@ -40,7 +46,7 @@ rule observe_captures:
         register_json=f"{RESULTS}/register/{{camera}}.json",
         images=captures_of,
         code=GAP_CODE,
-        effect_code=configured_code,
+        effect_code=effect_files,
     output:
         observations=f"{RESULTS}/diagnosis/{{camera}}/observations.npz",
         base=f"{RESULTS}/diagnosis/{{camera}}/base.json",
@@ -54,6 +60,7 @@ rule observe_captures:
         campaign=CAMPAIGN,
         effects=configured_effects,
         free=free_parameters,
+        candidates=CANDIDATES,
         pins=locked("numpy", "scipy", "numba", "opencv-contrib-python-headless"),
     message:
         "Measuring the plates of {wildcards.camera} by their known codes"

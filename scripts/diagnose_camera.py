@@ -31,13 +31,15 @@ log = logging.getLogger("twingap")
 MOST_PLACES = 8
 
 
-def candidate_records(paths):
+def candidate_records(paths, diagnosis):
     """Return ([Candidate], {effect: why it was skipped}) of the candidates' files."""
     candidates, skipped = [], {}
     for path in sorted(map(str, paths)):
         record = json.loads(Path(path).read_text())
         if "skipped" in record:
             skipped[record["effect"]] = record["skipped"]
+        elif "promise" in record:
+            candidates.append(diagnosis.null_candidate(record["effect"]))
         else:
             candidates.append(Candidate.from_record(record))
     return candidates, skipped
@@ -97,7 +99,7 @@ def diagnose_camera(
         _write_undiagnosed(expand, camera, record, out, out_ladder, out_gaps)
         return
     case = diagnosis.case
-    candidates, skipped = candidate_records(candidate_files)
+    candidates, skipped = candidate_records(candidate_files, diagnosis)
     diagnosis.candidates = [c.effect for c in candidates]
     start_effects, start_poses, start_groups = list(diagnosis.effects), diagnosis.poses, diagnosis.base_groups
     steps, left = climb(diagnosis, candidates, most_steps, lambda e: log.info("%s: + %s", camera, e))

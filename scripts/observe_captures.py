@@ -12,12 +12,20 @@ from tqdm import tqdm
 
 import job
 from case_files import load_case, read_capture, save_observations
-from gap.diagnose import Diagnosis, group_gaps
+from gap.diagnose import Diagnosis, group_gaps, is_promising
 
 log = logging.getLogger("twingap")
 
 
-def observe_captures(expand, register_csv, register_json, campaign, camera, effects, free, out_observations, out_base):
+def promises_record(diagnosis):
+    """Return {effect: {gain: to first order, fit: whether that is worth a fit}} of all candidates."""
+    promises = diagnosis.promises()
+    return {name: {"gain": gain, "fit": is_promising(name, promises)} for name, gain in promises.items()}
+
+
+def observe_captures(
+    expand, register_csv, register_json, campaign, camera, effects, free, candidates, out_observations, out_base
+):
     """Measure all captures; fit poses and the parameters that the twin's file leaves free.
 
     effects [[name, parameters], ...] and free [[effect, parameter], ...] of the twin as configured.
@@ -31,7 +39,7 @@ def observe_captures(expand, register_csv, register_json, campaign, camera, effe
     save_observations(out_observations, case)
     seen = int(sum(c.observation.measured.sum() for c in case.captures))
     log.info("%s: %d plates measured in %d captures", camera, seen, len(case.captures))
-    diagnosis = Diagnosis(case)
+    diagnosis = Diagnosis(case, candidates)
     base = {"effects": effects, "poses": diagnosis.poses.tolist(), "errors": {}, "usable": diagnosis.is_usable()}
     if diagnosis.is_usable():
         diagnosis.fixed = {n for n, _ in effects} - {n for n, _ in free}
@@ -44,6 +52,7 @@ def observe_captures(expand, register_csv, register_json, campaign, camera, effe
             "gap": diagnosis.base_gap,
             "gap_se": diagnosis.base_gap_se,
             "groups": group_gaps(diagnosis.base_groups, diagnosis.floors),
+            "promises": promises_record(diagnosis),
         }
         log.info("%s: gap of the twin as configured %.2f floors", camera, diagnosis.base_gap)
     else:
@@ -64,6 +73,7 @@ if __name__ == "__main__":
         camera=snakemake.wildcards.camera,
         effects=snakemake.params.effects,
         free=snakemake.params.free,
+        candidates=snakemake.params.candidates,
         out_observations=snakemake.output.observations,
         out_base=snakemake.output.base,
     )

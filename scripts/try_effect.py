@@ -5,12 +5,13 @@ import math
 from pathlib import Path
 
 import job
-from case_files import load_case, load_observations
-from gap.diagnose import Diagnosis
 
 
 def restored(expand, register_json, camera, observations, base):
     """Return (Diagnosis with the base restored, base record); the Diagnosis is None where nothing can be held out."""
+    from case_files import load_case, load_observations  # most candidates need no fit, and these take longer to load
+    from gap.diagnose import Diagnosis
+
     case, _ = load_case(expand, register_json, camera)
     load_observations(observations, case)
     record = json.loads(Path(base).read_text())
@@ -34,15 +35,18 @@ def clean(value):
 
 def try_effect(expand, register_json, camera, effect, observations, base, out):
     """Write the candidate's outcome (JSON)."""
-    diagnosis, _ = restored(expand, register_json, camera, observations, base)
-    if diagnosis is None:
-        record = {"effect": effect, "skipped": "nothing could be held out"}
-    elif effect in dict(diagnosis.effects):
-        record = {"effect": effect, "skipped": "in the twin already"}
+    record = json.loads(Path(base).read_text())
+    if not record["usable"]:
+        outcome = {"effect": effect, "skipped": "nothing could be held out"}
+    elif effect not in record["promises"]:
+        outcome = {"effect": effect, "skipped": "in the twin already"}
+    elif not record["promises"][effect]["fit"]:
+        outcome = {"effect": effect, "promise": record["promises"][effect]["gain"]}
     else:
-        record = diagnosis.try_effect(effect).as_record()
+        diagnosis, _ = restored(expand, register_json, camera, observations, base)
+        outcome = diagnosis.try_effect(effect).as_record()
     with job.write_atomically(out) as file:
-        json.dump(clean(record), file, indent=1, sort_keys=True)
+        json.dump(clean(outcome), file, indent=1, sort_keys=True)
 
 
 if __name__ == "__main__":

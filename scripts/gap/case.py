@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from effects import pipeline
+from gap.finder import Finder
 from gap.observe import (
     COARSE_TO_FINE,
     SMALLEST_SIDE_PX,
@@ -18,6 +19,7 @@ from gap.observe import (
 from gap.synthesis import Prints, coverages, shade
 from rig.geometry import perturb_pose, project
 
+FARTHEST_FOLLOWED_PX = 80.0
 MARGIN_PX = 24  # what blurs and filters see beyond the frame
 
 
@@ -84,14 +86,13 @@ class Case:
 
     def view_of(self, capture, effects, delta):
         """Return the capture's view at its nominal pose moved by delta (6,), the twin's mount included."""
-        scene, _, _ = self.scene_of(effects)
-        T = scene.T_cam_mount @ perturb_pose(capture.view.T_cam_world, delta)
-        return replace(capture.view, T_cam_world=T)
+        return _moved(self.scene_of(effects)[0], capture.view, delta)
 
     def corners_of(self, capture, effects, delta, points=None):
         """Return the exact pixels (p, 4, 2) where the twin has the codes' corners (or other points (p, k, 3))."""
-        view = self.view_of(capture, effects, delta)
-        world = self.scene_of(effects)[2] if points is None else points
+        scene, _, corners = self.scene_of(effects)
+        view = _moved(scene, capture.view, delta)
+        world = corners if points is None else points
         pixels = project(view.K, view.T_cam_world, world)
         if has_geometry(effects):
             flat = pixels.reshape(-1, 2)
@@ -127,22 +128,35 @@ class Case:
         image = image[m : m + view.height, m : m + view.width]
         return np.clip(image if rng is None else np.rint(image), 0, 255)
 
+    def finder(self):
+        """Return the Finder of the rig's codes."""
+        return Finder(self.scene, self.codes, self.captures[0].view.K)
+
     # -- real images ------------------------------------------------------------------------------------------
 
     def observe_real(self, capture, image, starts=None):
-        """Measure a real image (H, W, 3) and keep what the fit needs of it."""
+        """Measure a real image (H, W, 3) and keep what the fit needs of it.
+
+        Plates are looked for where the nominal pose has them, or, where ArUco finds some, as far off as these are.
+        """
         zero = np.zeros(6)
         predicted = self.corners_of(capture, [], zero)
         starts = predicted if starts is None else starts
         outlines = self.corners_of(capture, [], zero, np.array([p.outline_world() for p in self.scene.plates]))
+        found, seen = self.found_corners(image, starts)
+        starts, outlines = (
+            follow_neighbours(starts, starts, found, seen),
+            follow_neighbours(outlines, starts, found, seen),
+        )
+        starts[seen] = found[seen]
         wanted = wholly_inside(starts, capture.view.width, capture.view.height)
         wanted &= np.nan_to_num(code_sides_px(starts)) >= SMALLEST_SIDE_PX
         grey = image.mean(axis=2)
         _, _, first, _ = first_pass = measure_plates(grey, starts, wanted, self.codes, COARSE_TO_FINE)
-        seen = first_pass[0], first
+        measured = first_pass[0][:, :8].reshape(-1, 4, 2), first
         starts, outlines = (
-            follow_neighbours(starts, starts, *seen),
-            follow_neighbours(outlines, starts, *seen),
+            follow_neighbours(starts, starts, *measured),
+            follow_neighbours(outlines, starts, *measured),
         )
         wanted = wholly_inside(starts, capture.view.width, capture.view.height)
         wanted &= np.nan_to_num(code_sides_px(starts)) >= SMALLEST_SIDE_PX
@@ -152,15 +166,27 @@ class Case:
         capture.noise_variance = float(np.exp(np.nanmin(np.append(grey_structure[:4], np.log(4.0)))))
         capture.noise_variance = max(capture.noise_variance, 0.05)
 
+    def found_corners(self, image, starts):
+        """Return (corners (p, 4, 2), found (p,)): what ArUco finds of the rig, false finds far off left out."""
+        corners, found = np.full(starts.shape, np.nan), np.zeros(len(starts), bool)
+        for k, quad in self.finder().corners(image).items():
+            corners[k] = quad
+            found[k] = np.abs(quad - starts[k]).max() < FARTHEST_FOLLOWED_PX
+        return corners, found
 
-def follow_neighbours(points, starts, features, measured):
-    """Return points (p, 4, 2) moved as the measured plates were from their starts (p, 4, 2).
+
+def _moved(scene, view, delta):
+    return replace(view, T_cam_world=scene.T_cam_mount @ perturb_pose(view.T_cam_world, delta))
+
+
+def follow_neighbours(points, starts, corners, measured):
+    """Return points (p, 4, 2) moved as the measured corners (p, 4, 2) were from their starts (p, 4, 2).
 
     The move is a smooth one, quadratic in the image and fitted robustly.
     """
     if measured.sum() < 4:
         return points
-    moved = features[measured, :8].reshape(-1, 2) - starts[measured].reshape(-1, 2)
+    moved = corners[measured].reshape(-1, 2) - starts[measured].reshape(-1, 2)
     scale = np.nanmax(np.abs(starts[measured]))
 
     def powers(xy):
@@ -176,7 +202,7 @@ def follow_neighbours(points, starts, features, measured):
         solution = np.linalg.lstsq(A * weight[:, None], moved * weight[:, None], rcond=None)[0]
         weight = 1 / np.sqrt(1 + ((moved - A @ solution) ** 2).sum(1))
     shift = (powers(points.reshape(-1, 2)) @ solution).reshape(points.shape)
-    return points + np.clip(shift, -40, 40)
+    return points + np.clip(shift, -FARTHEST_FOLLOWED_PX, FARTHEST_FOLLOWED_PX)
 
 
 def has_geometry(effects):

@@ -135,11 +135,10 @@ def flatten(groups):
 class Fitter:
     """Fits lists of effects to one case."""
 
-    def __init__(self, case, noise_captures=4):
+    def __init__(self, case, noise_of=()):
+        """Noise is compared in the captures ``noise_of`` alone: one a station tells enough."""
         self.case = case
-        n = len(case.captures)
-        step = max(1, n // max(1, noise_captures))
-        self.noise_of = [i % step == 0 for i in range(n)]
+        self.noise_of = [i in noise_of for i in range(len(case.captures))]
         self.whiteners = [Whitener(c, w) for c, w in zip(case.captures, self.noise_of, strict=True)]
         self.prior = np.where(np.isfinite(case.sigma_pose), 1 / case.sigma_pose**2, 0.0)
         self._radiance = {}

@@ -5,12 +5,9 @@ Errors are taken at each capture's own pose, estimated under its prior, and comp
 """
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from detectors import contract
 from gap.observe import wholly_inside
 from job import seed_of
-from rig.geometry import rotation_angle_deg
 
 MEASURES = (
     "corner_rmse_px", "intensity_rmse_dn", "detection_disagreement_pct", "delta_distance_cm",
@@ -20,7 +17,6 @@ COLUMNS = (
     "step", "effect", *MEASURES, *(f"{m}_floor" for m in MEASURES), *(f"{m}_low" for m in MEASURES),
     *(f"{m}_high" for m in MEASURES),
 )  # fmt: skip
-DETECTOR = "aruco"
 RESAMPLES = 400
 
 
@@ -30,7 +26,7 @@ def rungs(diagnosis, twins, images, floors):
     images {capture index: real image (H, W, C), red first, grey levels}.
     """
     case = diagnosis.case
-    finder = Finder(case)
+    finder = case.finder()
     real = {i: finder.find(images[i]) for i in images}
     rows, control = [], None
     for step, (effect, effects, poses) in reversed(list(enumerate(twins))):
@@ -127,47 +123,3 @@ def interval(parts, measure, floors, seed):
     ]
     draws = np.array(draws)[np.isfinite(draws)]
     return tuple(np.percentile(draws, [2.5, 97.5])) if len(draws) else (float("nan"), float("nan"))
-
-
-class Finder:
-    """OpenCV's ArUco as it comes, on real and twin alike: which of the rig's codes, and their poses."""
-
-    def __init__(self, case):
-        self.case = case
-        self.index = {p.name: k for k, p in enumerate(case.scene.plates)}
-        dictionaries = sorted({name.split("/")[0] for name in self.index})
-        self.detector = contract.make(DETECTOR, dictionaries)
-        self.K = case.captures[0].view.K
-
-    def find(self, image):
-        """Return {plate index: [(R (3, 3), t (3,)), ...] both planar poses} of a grey-level image (H, W, C)."""
-        grey = np.clip(np.rint(image.mean(axis=2)), 0, 255).astype(np.uint8)
-        found = {}
-        for d in self.detector.detect(grey):
-            k = self.index.get(f"{d.dictionary}/{d.id}")
-            if k is not None:
-                code_m = 2 * self.case.codes.half_code[k]
-                found[k] = [
-                    (Rotation.from_rotvec(np.ravel(r)).as_matrix(), np.ravel(t))
-                    for r, t, _ in contract.estimate_poses(d.corners, code_m, self.K)
-                ]
-        return found
-
-    @staticmethod
-    def compare(real, twin, available):
-        """Return counts and pose differences of two findings; of planar ambiguities the closest pair counts."""
-        wanted = np.flatnonzero(available)
-        disagree = sum((k in real) != (k in twin) for k in wanted)
-        distance, rotation = [], []
-        for k in wanted:
-            if real.get(k) and twin.get(k):
-                pairs = [(rotation_angle_deg(a[0], b[0]), a, b) for a in real[k] for b in twin[k]]
-                angle, a, b = min(pairs, key=lambda p: p[0])
-                rotation.append(angle)
-                distance.append(100 * abs(np.linalg.norm(a[1]) - np.linalg.norm(b[1])))
-        return {
-            "available": len(wanted),
-            "disagree": disagree,
-            "distance": np.array(distance),
-            "rotation": np.array(rotation),
-        }

@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 
 from gap.flats import field_levels, flat_classes, noise_features
-from gap.patch import N_FEATURES, _expand, _solve, measure_plate
+from gap.patch import FEATURES, N_FEATURES, _expand, _solve, measure_plate
 from gap.synthesis import black_rectangles
 
 COLOUR_FEATURES = (
@@ -21,6 +21,8 @@ RIDGE = np.array([1e-4] * 8 + [1e-4] * 5 + [1e-2] * 5)
 COARSE_TO_FINE = np.array([4, 1, 0])
 FINE = np.array([0])
 FARTHEST_PX = 25.0
+WHITE, BLACK = FEATURES.index("white"), FEATURES.index("black")
+WORST_MISFIT = 0.15  # of the contrast: a fit to something else than the plate leaves more, any effect less
 
 
 @dataclass
@@ -34,6 +36,12 @@ class Codes:
     all_rectangles: np.ndarray
     levels: np.ndarray
     lut: np.ndarray
+
+    @property
+    def contrast_dn(self):
+        """Grey levels from nominal black to nominal white."""
+        white, black = np.interp(self.levels[:2], np.linspace(0, 1, len(self.lut)), self.lut)
+        return white - black
 
     @classmethod
     def of(cls, plates, levels, lut):
@@ -101,10 +109,10 @@ def _colour(red, blue, corners, half_code, half_plate, rectangles, levels, lut):
         y0,
         0,
     )
-    S = np.zeros((5, y1 - y0, x1 - x0))
-    S[0], S[1], S[2] = B[8], B[9], B[10]
-    S[3] = B[0] + B[2] + B[4] + B[6]
-    S[4] = B[1] + B[3] + B[5] + B[7]
+    S = np.zeros((y1 - y0, x1 - x0, 5))
+    S[..., :3] = B[..., 8:11]
+    S[..., 3] = B[..., 0] + B[..., 2] + B[..., 4] + B[..., 6]
+    S[..., 4] = B[..., 1] + B[..., 3] + B[..., 5] + B[..., 7]
     ridge = np.full(5, 1e-3)
     for i in range(2):
         image = red if i == 0 else blue
@@ -149,7 +157,8 @@ def measure_plates(grey, starts, wanted, codes, radii):
             grey, np.ascontiguousarray(starts[i]), codes.half_code[i], codes.half_plate[i], codes.rectangles[i],
             codes.levels, codes.lut, RIDGE, radii, FARTHEST_PX,
         )  # fmt: skip
-        if ok:
+        contrast = codes.contrast_dn + f[WHITE] - f[BLACK]
+        if ok and np.sqrt(variance) < WORST_MISFIT * contrast:
             features[i], information[i], measured[i], misfit[i] = f, info, True, variance
     return features, information, measured, misfit
 

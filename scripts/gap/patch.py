@@ -108,7 +108,7 @@ def _plate_coordinates(inverse, x, y, half_code):
 
 @njit(cache=True)
 def _expand(image, corners, half_code, half_plate, rectangles, levels, shifts, lut, x0, y0, radius):
-    """Return (expansion images (18, h, w), residual (h, w)) of a patch about the model at ``corners``.
+    """Return (expansion images (h, w, 18), residual (h, w)) of a patch about the model at ``corners``.
 
     ``shifts`` (5,) are grey levels already found for white, black, ground and the slopes over the plate.
     """
@@ -140,7 +140,7 @@ def _expand(image, corners, half_code, half_plate, rectangles, levels, shifts, l
     smooth = _box(model, radius)
     residual = _box(image, radius) - smooth
     wide = _box(smooth, 4)
-    B = np.zeros((18, h, w))
+    B = np.zeros((h, w, 18))
     for r in range(h):
         up, down = max(r - 1, 0), min(r + 1, h - 1)
         for k in range(w):
@@ -153,48 +153,34 @@ def _expand(image, corners, half_code, half_plate, rectangles, levels, shifts, l
                 su = 1.0 if n == 1 or n == 2 else -1.0
                 sv = 1.0 if n < 2 else -1.0
                 weight = 0.25 * (1 + su * u) * (1 + sv * v)
-                B[2 * n, r, k] = -gx * weight
-                B[2 * n + 1, r, k] = -gy * weight
+                B[r, k, 2 * n] = -gx * weight
+                B[r, k, 2 * n + 1] = -gy * weight
             white = plate[r, k] - black[r, k]
-            B[8, r, k] = white
-            B[9, r, k] = black[r, k]
-            B[10, r, k] = 1 - plate[r, k]
-            B[11, r, k] = plate[r, k] * u
-            B[12, r, k] = plate[r, k] * v
+            B[r, k, 8] = white
+            B[r, k, 9] = black[r, k]
+            B[r, k, 10] = 1 - plate[r, k]
+            B[r, k, 11] = plate[r, k] * u
+            B[r, k, 12] = plate[r, k] * v
             centre = smooth[r, k]
-            B[13, r, k] = 0.5 * (smooth[r, right] - 2 * centre + smooth[r, left])
-            B[14, r, k] = 0.5 * (smooth[down, k] - 2 * centre + smooth[up, k])
-            B[15, r, k] = 0.25 * (smooth[down, right] - smooth[down, left] - smooth[up, right] + smooth[up, left])
-            B[16, r, k] = centre - wide[r, k]
+            B[r, k, 13] = 0.5 * (smooth[r, right] - 2 * centre + smooth[r, left])
+            B[r, k, 14] = 0.5 * (smooth[down, k] - 2 * centre + smooth[up, k])
+            B[r, k, 15] = 0.25 * (smooth[down, right] - smooth[down, left] - smooth[up, right] + smooth[up, left])
+            B[r, k, 16] = centre - wide[r, k]
             bx = 0.5 * (black[r, right] - black[r, left])
             by = 0.5 * (black[down, k] - black[up, k])
-            B[17, r, k] = -contrast * np.sqrt(bx * bx + by * by)
+            B[r, k, 17] = -contrast * np.sqrt(bx * bx + by * by)
     return B, residual
 
 
 @njit(cache=True)
 def _solve(B, residual, ridge):
     """Return (coefficients, normal matrix, residual sum of squares) of the regression, edges of the patch left out."""
-    n, h, w = B.shape
-    A = np.zeros((n, n))
-    b = np.zeros(n)
-    rss = 0.0
-    count = 0
-    row = np.empty(n)
-    for r in range(1, h - 1):
-        for k in range(1, w - 1):
-            for i in range(n):
-                row[i] = B[i, r, k]
-            value = residual[r, k]
-            rss += value * value
-            count += 1
-            for i in range(n):
-                b[i] += row[i] * value
-                for j in range(i, n):
-                    A[i, j] += row[i] * row[j]
-    for i in range(n):
-        for j in range(i):
-            A[i, j] = A[j, i]
+    h, w, n = B.shape
+    rows = np.ascontiguousarray(B[1 : h - 1, 1 : w - 1]).reshape(-1, n)
+    y = np.ascontiguousarray(residual[1 : h - 1, 1 : w - 1]).reshape(-1)
+    A = rows.T @ rows
+    b = rows.T @ y
+    rss = y @ y
     M = A.copy()
     for i in range(n):
         M[i, i] += ridge[i]
@@ -202,7 +188,7 @@ def _solve(B, residual, ridge):
     explained = 0.0
     for i in range(n):
         explained += coefficients[i] * b[i]
-    return coefficients, M, rss - explained, count
+    return coefficients, M, rss - explained, len(y)
 
 
 @njit(cache=True)

@@ -81,6 +81,20 @@ class Diagnose(Settings):
     most_steps: int = Field(6, ge=1, le=20, description="effects that a climb adds at most")
 
 
+class BlindTrials(Settings):
+    """Campaigns with a hidden effect, for `snakemake blind_trials`: how many of each kind (docs/blind-trials.md)."""
+
+    single: int = Field(29, ge=0, le=10_000, description="one effect of the library; 29 hide each once")
+    pair: int = Field(10, ge=0, le=10_000, description="two effects")
+    none: int = Field(10, ge=0, le=10_000, description="nothing")
+    outside: int = Field(10, ge=0, le=10_000, description="an effect that the library lacks; 10 hide each once")
+    power: int = Field(0, ge=0, le=10_000, description="strengths 0.25, 0.5, 1, 2 of an effect; 116 try each once")
+    size: Literal["standard", "small", "tiny"] = Field(
+        "standard", description="standard: 20 captures of half a megapixel; small: 8; tiny: 4"
+    )
+    seed: str = Field("trials", max_length=64, description="another name gives other trials")
+
+
 class Config(Settings):
     """config.yaml"""
 
@@ -97,6 +111,7 @@ class Config(Settings):
     render: Render = Field(default_factory=Render, description="how Blender renders")
     aggregate: Aggregate = Field(default_factory=Aggregate, description="how detections are counted")
     diagnose: Diagnose = Field(default_factory=Diagnose, description="how the missing effect is searched")
+    blind_trials: BlindTrials = Field(default_factory=BlindTrials, description="how the search itself is put to trial")
 
 
 def check_config(data):

@@ -5,6 +5,7 @@ Pixels: the centre of the top-left pixel is (0, 0). A pose ``T_a_b`` is a 4 x 4 
 homogeneous points of frame b to frame a.
 """
 
+import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -12,7 +13,7 @@ from scipy.spatial.transform import Rotation
 def make_pose(rvec, tvec):
     """Return the 4 x 4 pose of a rotation vector (radians) and a translation (metres), both of shape (3,)."""
     T = np.eye(4)
-    T[:3, :3] = Rotation.from_rotvec(np.asarray(rvec, float)).as_matrix()
+    T[:3, :3] = cv2.Rodrigues(np.asarray(rvec, float))[0]
     T[:3, 3] = tvec
     return T
 

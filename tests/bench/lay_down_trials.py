@@ -40,6 +40,14 @@ def hidden_effects(kind, index, seed, effect=None):
     return [first, rest[nominal.rng_of("second", seed, index).integers(len(rest))]]
 
 
+def identity(kind, index, seed, effect=None, strength=None, size="standard"):
+    """Return (the campaign's name, the name that seeds it, its strength) of a trial."""
+    if strength is None:
+        strength = POWER_STRENGTHS[index % len(POWER_STRENGTHS)] if kind == "power" else 1.0
+    trial_seed = f"{seed}/{kind}/{index}/{effect}/{strength}/{size}"
+    return f"t{nominal.seed_of('name', trial_seed):016x}"[:9], trial_seed, strength
+
+
 def lay_down_trial(out, envelopes, kind, index, seed, effect=None, strength=None, size="standard"):
     """Lay down trial ``index`` below ``out`` and its envelope below ``envelopes``; return the campaign's name
     and truth.
@@ -48,10 +56,7 @@ def lay_down_trial(out, envelopes, kind, index, seed, effect=None, strength=None
     index give the same campaign whatever else is laid down; power trials of one effect and round share the
     draw and differ in strength only.
     """
-    if strength is None:
-        strength = POWER_STRENGTHS[index % len(POWER_STRENGTHS)] if kind == "power" else 1.0
-    trial_seed = f"{seed}/{kind}/{index}/{effect}/{strength}/{size}"
-    name = f"t{nominal.seed_of('name', trial_seed):016x}"[:9]
+    name, trial_seed, strength = identity(kind, index, seed, effect, strength, size)
     cameras = nominal.CAMERAS[size]
     draw_seed = f"{seed}/{index // len(POWER_STRENGTHS)}" if kind == "power" else trial_seed
     camera = cameras[nominal.rng_of("camera", draw_seed).integers(len(cameras))]

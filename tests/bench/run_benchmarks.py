@@ -11,10 +11,10 @@ RUNS = [
     ["bench_repeatability.py"],
     ["bench_calibration.py"],
     ["bench_detectors.py"],
-    ["bench_blind.py", "--kind", "none", "--count", "20"],
-    ["bench_blind.py", "--kind", "single", "--count", "29"],
-    ["bench_blind.py", "--kind", "pair", "--count", "20"],
-    ["bench_blind.py", "--kind", "outside", "--count", "20"],
+]
+BLIND_TRIALS = [
+    *("-m", "snakemake", "--quiet", "all", "--cores", "2", "blind_trials"),
+    *("--config", "blind_trials={single: 203, pair: 60, none: 100, outside: 60, power: 116}"),
 ]
 
 if __name__ == "__main__":
@@ -22,4 +22,7 @@ if __name__ == "__main__":
     for script, *arguments in RUNS:
         print(f"\n## {' '.join([script, *arguments])}\n", flush=True)
         failed += subprocess.run([sys.executable, str(HERE / script), *arguments], check=False).returncode != 0
+    print("\n## snakemake blind_trials\n", flush=True)
+    failed += subprocess.run([sys.executable, *BLIND_TRIALS], cwd=HERE.parents[1], check=False).returncode != 0
+    print((HERE.parents[1] / "results/blind_trials/summary.md").read_text())
     sys.exit(min(failed, 1))

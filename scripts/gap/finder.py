@@ -1,0 +1,55 @@
+"""OpenCV's ArUco as it comes, on the codes of the rig: which are in an image, where, and at which pose."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from detectors import contract
+from rig.geometry import rotation_angle_deg
+
+DETECTOR = "aruco"
+
+
+class Finder:
+    """Finds the codes of a scene's plates in real and twin images alike."""
+
+    def __init__(self, scene, codes, K):
+        self.index = {p.name: k for k, p in enumerate(scene.plates)}
+        self.half_code = codes.half_code
+        self.detector = contract.make(DETECTOR, sorted({name.split("/")[0] for name in self.index}))
+        self.K = K
+
+    def corners(self, image):
+        """Return {plate index: corners (4, 2) in pixels} of a grey-level image (H, W, C)."""
+        grey = np.clip(np.rint(image.mean(axis=2)), 0, 255).astype(np.uint8)
+        found = {self.index.get(f"{d.dictionary}/{d.id}"): d.corners for d in self.detector.detect(grey)}
+        found.pop(None, None)
+        return found
+
+    def find(self, image):
+        """Return {plate index: [(R (3, 3), t (3,)), ...] both planar poses} of a grey-level image (H, W, C)."""
+        return {
+            k: [
+                (Rotation.from_rotvec(np.ravel(r)).as_matrix(), np.ravel(t))
+                for r, t, _ in contract.estimate_poses(corners, 2 * self.half_code[k], self.K)
+            ]
+            for k, corners in self.corners(image).items()
+        }
+
+    @staticmethod
+    def compare(real, twin, available):
+        """Return counts and pose differences of two findings; of planar ambiguities the closest pair counts."""
+        wanted = np.flatnonzero(available)
+        disagree = sum((k in real) != (k in twin) for k in wanted)
+        distance, rotation = [], []
+        for k in wanted:
+            if real.get(k) and twin.get(k):
+                pairs = [(rotation_angle_deg(a[0], b[0]), a, b) for a in real[k] for b in twin[k]]
+                angle, a, b = min(pairs, key=lambda p: p[0])
+                rotation.append(angle)
+                distance.append(100 * abs(np.linalg.norm(a[1]) - np.linalg.norm(b[1])))
+        return {
+            "available": len(wanted),
+            "disagree": disagree,
+            "distance": np.array(distance),
+            "rotation": np.array(rotation),
+        }
