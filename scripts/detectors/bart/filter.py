@@ -7,6 +7,10 @@ from numba import njit
 from rig.plates import marker_corners_plate
 
 SURPRISE = 16.8  # squared normalised innovation of a pose that one in a hundred exceeds (chi squared, 6 degrees)
+MEMORY = 0.85  # of innovations, from frame to frame: white ones then have a lag of (1 - 0.85) / (1 + 0.85) = 0.08
+LAGS = (0.2, 0.45, 0.9)  # from even motion to a filter that is always behind, and beside them
+SHARES = (0.02, 1.0, 30.0)  # how much of the assumed accelerations is then allowed for
+STILL_M_S, STILL_RAD_S = 0.002, 0.01  # speeds that count as none
 
 
 @njit(cache=True, nogil=True)
@@ -46,12 +50,15 @@ def move_state(x, P, R, dt, acceleration, turning):
 
 @njit(cache=True, nogil=True)
 def take_in_pose(x, P, R, t_seen, R_seen, covariance):
-    """Return (x, P, R) after a Kalman update with a measured pose and its 6 x 6 covariance."""
+    """Return (x, P, R) after a Kalman update with a measured pose and its 6 x 6 covariance, and the innovation (6,),
+    normalised by what was expected of it.
+    """
     innovation = np.empty(6)
     innovation[:3] = t_seen - x[:3]
     innovation[3:] = small_turn(R_seen @ R.T)
     S = P[:6, :6] + covariance
-    surprise = innovation @ np.linalg.solve(S, innovation)
+    normalised = np.linalg.solve(np.linalg.cholesky(S), innovation)
+    surprise = normalised @ normalised
     if surprise > SURPRISE:
         # The marker moved off otherwise than expected: trust the past less, by as much as it was wrong.
         P = P * (surprise / 6)
@@ -62,7 +69,26 @@ def take_in_pose(x, P, R, t_seen, R_seen, covariance):
     x[3:6] = 0
     keep = np.eye(12)
     keep[:, :6] -= gain
-    return x, keep @ P @ keep.T + gain @ covariance @ gain.T, R
+    return x, keep @ P @ keep.T + gain @ covariance @ gain.T, R, normalised
+
+
+@njit(cache=True, nogil=True)
+def settle(x, P):
+    """Return (x, P) where speeds too small to be told from none are taken as none (zero velocity update).
+
+    Foxlin, "Pedestrian tracking with shoe-mounted inertial sensors" (2005): a speed of zero is measured.
+    """
+    speed, V = x[6:].copy(), P[6:, 6:].copy()
+    if speed @ np.linalg.solve(V, speed) > SURPRISE:
+        return x, P
+    none = np.zeros((6, 6))
+    for k in range(6):
+        none[k, k] = (STILL_M_S if k < 3 else STILL_RAD_S) ** 2
+    gain = np.linalg.solve(V + none, P[6:].copy()).T
+    x = x - gain @ speed
+    keep = np.eye(12)
+    keep[:, 6:] -= gain
+    return x, keep @ P @ keep.T + gain @ none @ gain.T
 
 
 @njit(cache=True, nogil=True)
@@ -107,6 +133,7 @@ class PoseFilter:
         self.R = None
         self.branches = []  # [rotation matrix, score] of the pose taken, then of the other one
         self.turned = False  # whether the last update changed from one planar pose to the other
+        self.drift, self.power = np.zeros(6), 0.0  # decaying means of innovations and of their squares
 
     @classmethod
     def compile(cls):
@@ -119,7 +146,19 @@ class PoseFilter:
     def predict(self, dt):
         """Move the state on by ``dt`` seconds."""
         if self.x is not None:
-            self.x, self.P, self.R = move_state(self.x, self.P, self.R, dt, self.acceleration, self.turning)
+            share = self.unrest()
+            accelerations = share * self.acceleration, share * self.turning
+            self.x, self.P, self.R = move_state(self.x, self.P, self.R, dt, *accelerations)
+
+    def unrest(self):
+        """Return how much of the assumed accelerations the marker seems to make use of, one of SHARES or between.
+
+        While it moves as expected, innovations are noise and cancel; when the filter lags they point one way.
+        """
+        if self.power == 0:
+            return 1.0
+        lag = float(self.drift @ self.drift) / self.power
+        return float(np.exp(np.interp(lag, LAGS, np.log(SHARES))))
 
     def update(self, poses, smooth=True):
         """Take in the poses (rvec, tvec, reprojection RMS) of a frame, one or two; not ``smooth``: as measured."""
@@ -128,13 +167,18 @@ class PoseFilter:
         R, t = rotations[pick], poses[pick][1]
         covariance = pose_covariance(self.square, R, t, self.K[0, 0], self.K[1, 1], self.noise)
         if self.x is not None and smooth and not self.turned:
-            self.x, self.P, self.R = take_in_pose(self.x, self.P, self.R, t, R, covariance)
+            self.x, self.P, self.R, innovation = take_in_pose(self.x, self.P, self.R, t, R, covariance)
+            self.drift = MEMORY * self.drift + (1 - MEMORY) * innovation
+            self.power = MEMORY * self.power + (1 - MEMORY) * float(innovation @ innovation)
+            if self.drift @ self.drift <= LAGS[0] * self.power:
+                self.x, self.P = settle(self.x, self.P)
             return
         speed = np.zeros(6) if self.x is None else np.append(self.x[6:9], [0, 0, 0])
         self.x, self.R = np.concatenate([t, np.zeros(3), speed]), R
         self.P = np.zeros((12, 12))
         self.P[:6, :6] = covariance
         self.P[6:, 6:] = np.diag(np.repeat([1.0, 4.0], 3))  # hand-held: about a metre and 2 rad a second
+        self.drift, self.power = np.zeros(6), 0.0
 
     def _follow_branches(self, rotations, errors):
         """Update both branches' scores; return the index of the pose to take."""
@@ -158,6 +202,12 @@ class PoseFilter:
                 return 1 - first
         self.branches = branches
         return first
+
+    def carry(self, R, t, rotation, place, dt):
+        """Put the pose (R 3 x 3, t) of ``dt`` seconds ago where a camera's motion (rotation, place) takes it."""
+        moved = rotation @ t + place
+        self.x = np.concatenate([moved, np.zeros(3), (moved - t) / dt, small_turn(rotation) / dt])
+        self.R = rotation @ R
 
     def pose(self):
         """Return the filtered (rvec, tvec)."""

@@ -7,10 +7,12 @@ import threading
 import time
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from detectors.bart import PARAMETERS, make_detector
 from detectors.bart.filter import PoseFilter
+from detectors.bart.motion import LEAST_MARKERS, goes_along, points_at, project, rigid_motion
 from detectors.contract import DEFAULT_DICTIONARIES, Detection, estimate_poses, grey_image
 
 TRACKER_PARAMETERS = {
@@ -21,11 +23,17 @@ TRACKER_PARAMETERS = {
     "asynchronous": False,
     # Frames from one search of the whole frame to the next: fewer find new markers sooner and cost time.
     "full_every": 10,
+    # Search the whole frame sooner once what is followed has moved by so many sides of a marker: fewer find what comes
+    # into view sooner and cost time while the camera turns. None: only ``full_every`` counts.
+    "search_after_sides": 0.5,
     # Milliseconds a frame may take; what is not done by then is left and said (``partial``). None: no limit.
     "budget_ms": None,
     # Frames that a marker is carried on without being seen: more bridges longer occlusions and reports markers
     # longer that have left. 0 reports only what is seen.
     "bridge_frames": 15,
+    # Carry unseen markers on with the camera's motion, told by the markers that are seen (needs K and code_m): right
+    # where markers stand still. False carries each on at its own last speed: right where each moves by itself.
+    "carry": True,
     # Kalman filter on poses (needs K and code_m); False gives the poses as measured: no lag and more jitter.
     "kalman": True,
     # Choose between the two planar poses by what they were in earlier frames; False takes the better of each frame,
@@ -42,6 +50,7 @@ TRACKER_PARAMETERS = {
 LOST_EVERY = 3  # frames from one search of the whole frame to the next while a marker is lost
 UNCONFIRMED_FRAMES = 3  # tries to see a marker in the present that was found in an older frame
 FOLLOWED_AT_ONCE = 8  # markers between two looks at the clock
+LOOK_AGAIN_SIDES = 0.2  # so far from where it was looked for must a marker have been carried to be worth another look
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +84,9 @@ class _Track:
         self.name, self.id = detection.dictionary, detection.id
         self.corners = detection.corners
         self.speed = np.zeros((4, 2))  # pixels a second
+        self.before = None  # corners, speed and pose (R, t or None) of the last frame
+        self.along = True  # moved with the other markers when last seen
+        self.carried = False  # with the camera, in the present frame
         self.seen = seen  # in the present frame
         self.confirmed = seen  # False while found in an older frame only
         self.missed = 0  # frames since it was seen
@@ -84,11 +96,27 @@ class _Track:
 
     def advance(self, dt):
         """Move on by ``dt`` seconds: where the marker is expected, and not yet seen."""
+        known = self.filter is not None and self.filter.x is not None
+        self.before = self.corners, self.speed, (self.filter.R, self.filter.x[:3]) if known else None
         self.corners = self.corners + dt * self.speed
         self.unseen_s += dt
-        self.seen = False
+        self.seen = self.carried = False
         if self.filter is not None:
             self.filter.predict(dt)
+
+    def points_before(self, K, dist):
+        """Return the corners (4, 3) of the last frame in its camera's frame: as seen, at the depth of its pose."""
+        corners, _, (R, t) = self.before
+        return points_at(corners, self.filter.square @ R[2] + t[2], K, dist)
+
+    def carry(self, motion, K, dist, dt):
+        """Go on with the camera's motion (rotation, place) from where the marker was in the last frame."""
+        corners, _, (R, t) = self.before
+        turn = cv2.Rodrigues(motion[0])[0]
+        self.corners = project(self.points_before(K, dist)[None], turn, motion[1], K, dist)[0]
+        self.speed = (self.corners - corners) / dt
+        self.filter.carry(R, t, *motion, dt)
+        self.carried = True
 
     def see(self, corners):
         """Take in the corners measured in the present frame."""
@@ -98,11 +126,13 @@ class _Track:
         self.corners = corners
         self.seen = self.confirmed = True
         self.missed, self.unseen_s = 0, 0.0
+        self.carried = False
 
     def miss(self):
-        """Note that the marker was not seen: it is carried on, ever more slowly."""
+        """Note that the marker was not seen: it goes on, ever more slowly where nothing tells how."""
         self.missed += 1
-        self.speed = 0.9 * self.speed
+        if not self.carried:
+            self.speed = 0.9 * self.speed
         self.poses = []
 
 
@@ -138,6 +168,7 @@ class Tracker:
         self.shape = self.time_s = None
         self.frame, self.last_search = -1, -(10**9)
         self.light = None  # of the last search, see Bart.light_of
+        self.dt, self.moved_sides = 1 / self.fps, 0.0  # since the last frame; since the last search
         self.worker, self.result = None, []
 
     def update(self, image, t_s=None):
@@ -173,8 +204,18 @@ class Tracker:
             self.reset()
         self.shape, self.time_s = shape, t_s
         self.frame += 1
+        self.dt = dt
         for track in self.tracks:
             track.advance(dt)
+        self.moved_sides += self._sides_a_frame()
+
+    def _sides_a_frame(self):
+        """Return by how many of its sides a marker moves from frame to frame, median over those followed."""
+        if not self.tracks:
+            return 0.0
+        corners, speed = (np.stack(a) for a in zip(*((t.corners, t.speed) for t in self.tracks), strict=True))
+        side = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
+        return float(np.median(self.dt * np.linalg.norm(speed.mean(axis=1), axis=1) / np.maximum(side, 1.0)))
 
     def _left(self, start):
         """Return the milliseconds left of the budget."""
@@ -185,6 +226,8 @@ class Tracker:
     def _search_is_due(self):
         since = self.frame - self.last_search
         if not self.p["regions"] or not self.tracks or since >= self.p["full_every"]:
+            return True
+        if self.p["search_after_sides"] is not None and self.moved_sides >= self.p["search_after_sides"]:
             return True
         return since >= LOST_EVERY and any(not track.seen for track in self.tracks)
 
@@ -199,14 +242,14 @@ class Tracker:
         self.light = self.bart.light_of(grey, found)
         self._take_in(self.bart.finish(grey, found, self.light), seen=True)
         self.search_ms = 1000 * (time.perf_counter() - began)
-        self.last_search = self.frame
+        self.last_search, self.moved_sides = self.frame, 0.0
         return False
 
     def _search_beside(self, grey):
         """Start a search of this frame in a second thread, unless one is still at work."""
         if self.worker is not None and self.worker.is_alive():
             return
-        self.last_search = self.frame
+        self.last_search, self.moved_sides = self.frame, 0.0
         image, box = grey.copy(), []
         self.result = box
 
@@ -258,17 +301,23 @@ class Tracker:
 
     def _follow(self, grey, start):
         """Look for each track near where it is expected; return whether the budget ran out before the end."""
-        waiting = sorted(self.tracks, key=lambda t: t.missed)
+        waiting, partial = sorted(self.tracks, key=lambda t: t.missed), False
         for k in range(0, len(waiting), FOLLOWED_AT_ONCE):
             if self._left(start) <= 0:
-                for track in waiting[k:]:
-                    track.miss()
-                return True
+                partial = True
+                break
             self._look_for(grey, waiting[k : k + FOLLOWED_AT_ONCE], start)
-        return False
+        lost = [track for track in waiting if not track.seen]
+        elsewhere = self._carry(lost) if lost and self.p["carry"] and self.K is not None else []
+        if elsewhere and self._left(start) > 0:
+            self._look_for(grey, elsewhere, start)
+        for track in lost:
+            if not track.seen:
+                track.miss()
+        return partial
 
     def _look_for(self, grey, tracks, start):
-        """See the tracks of a batch, or miss them."""
+        """See those of a batch of tracks that are where they are expected."""
         quads = np.stack([t.corners for t in tracks])
         found = self.bart.read(grey, quads)
         for track in tracks:
@@ -279,8 +328,32 @@ class Tracker:
             if mine:
                 track.see(self.bart.finish(grey, mine[:1], self.light)[0].corners)
                 self._measure(track)
-            else:
-                track.miss()
+
+    def _carry(self, lost):
+        """Move lost tracks with the camera, as far as they went with it before; return those worth another look."""
+        seen = [t for t in self.tracks if t.seen and t.before is not None and t.before[2] is not None]
+        if len(seen) < LEAST_MARKERS:
+            return []
+        points = np.stack([t.points_before(self.K, self.dist) for t in seen])
+        motion = rigid_motion(points, np.stack([t.corners for t in seen]), self.K, self.dist)
+        if motion is None:
+            return []
+        others = [np.stack([t.before[k].mean(axis=0) for t in seen]) for k in (0, 1)]  # centres, speeds
+        elsewhere = []
+        for track in lost:
+            if not track.confirmed or track.before is None or track.before[2] is None:
+                continue
+            if track.missed == 0:
+                centre, speed = track.before[0].mean(axis=0), track.before[1].mean(axis=0)
+                track.along = goes_along(centre, speed, *others, self.dt)
+            if not track.along:
+                continue
+            expected = track.corners
+            track.carry(motion, self.K, self.dist, self.dt)
+            side = np.linalg.norm(expected[1] - expected[0])
+            if np.linalg.norm((track.corners - expected).mean(axis=0)) > LOOK_AGAIN_SIDES * side:
+                elsewhere.append(track)
+        return elsewhere
 
     def _report(self):
         """Return the markers of this frame; forget those that were missed for too long or have left the image."""
@@ -301,6 +374,6 @@ class Tracker:
         corners, pose = track.corners, (None, None)
         if track.filter is not None and track.filter.x is not None:
             pose = track.filter.pose()
-            if not track.seen and self.p["kalman"]:
+            if not track.seen and not track.carried and self.p["kalman"]:
                 corners = track.filter.corners()
         return Tracked(track.name, track.id, corners, track.seen, track.poses, *pose)
