@@ -25,6 +25,7 @@ BLUE, ORANGE, GREEN, GREY = "#0072B2", "#D55E00", "#009E73", "#595959"
 FOUND, MISSED = "#00C8FF", "#FF8C00"  # bright enough on grey photographs; missed is dashed as well
 POSE = ["rx", "ry", "rz", "tx", "ty", "tz"]
 WIDTH_IN = 5.0
+AS_STORED = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION  # as the sensor saw it, like all that measures
 # Names are text, however much they look like numbers.
 NAMES = dict.fromkeys(("camera", "algorithm", "capture", "station", "dictionary", "image"), str)
 
@@ -134,7 +135,7 @@ def read_capture(run, campaign, camera, capture):
     T_twin = _pose(stations.loc[station]) if station in stations.index else None
     poses = run.results / f"register/{camera}.csv"
     T_real = _pose(read_table(poses).set_index("capture").loc[capture]) if row is not None else T_twin
-    real = cv2.imread(str(Path(campaign) / row.image)) if row is not None else None
+    real = cv2.imread(str(Path(campaign) / row.image), AS_STORED) if row is not None else None
     twin = cv2.imread(str(run.results / f"twin/{camera}/{capture}.png"))
     K = camera_matrix(*(frame[name] for name in ("fx", "fy", "cx", "cy")))
     T_real = T_twin if T_real is None else T_real

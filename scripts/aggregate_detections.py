@@ -17,13 +17,11 @@ import job
 from rig.geometry import camera_matrix, make_pose, project, station_pose, transform
 from rig.metrics import is_flipped, relative_rotvec_deg
 from rig.plates import marker_corners_world
-from rig.tables import CAMERAS, CAPTURES, MARKERS, STATIONS, read_table
+from rig.tables import CAMERAS, CAPTURES, DETECTIONS, MARKERS, REGISTERED, STATIONS, read_table
 
 log = logging.getLogger("twingap")
 
 SCHEMAS = {"markers": MARKERS, "cameras": CAMERAS, "stations": STATIONS, "captures": CAPTURES}
-# Names are text, however much they look like numbers.
-NAMES = dict.fromkeys(("source", "capture", "station", "dictionary"), str)
 POSE = ["rx", "ry", "rz", "tx", "ty", "tz"]
 INTRINSICS = ["fx", "fy", "cx", "cy"]
 CORNERS = ["x0", "y0", "x1", "y1", "x2", "y2", "x3", "y3"]
@@ -256,10 +254,10 @@ def aggregate_detections(tables, detections, registers, register_jsons, cells_fi
         detections = []
     for path in sorted(map(Path, detections)):
         camera, detector = path.parent.name, path.stem
-        register = pd.read_csv(register_of[camera], dtype=NAMES) if camera in register_of else None
+        register = read_table(register_of[camera], REGISTERED) if camera in register_of else None
         frame = frame_of(camera, cameras, json_of.get(camera))
         c, f = aggregate_camera(
-            camera, detector, pd.read_csv(path, dtype=NAMES), markers, captures, stations, frame, register
+            camera, detector, read_table(path, DETECTIONS), markers, captures, stations, frame, register
         )
         cells.append(c)
         false_ids.append(f)

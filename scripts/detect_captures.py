@@ -6,34 +6,16 @@ import time
 from pathlib import Path
 
 import pandas as pd
-import pandera.pandas as pa
 
 import job
-from detect_markers import CORNERS, read_image
+from detect_markers import read_image
 from detectors import contract
 from rig.errors import InputError
 from rig.geometry import camera_matrix
-from rig.tables import CAPTURES, MARKERS, read_table, write_table
+from rig.tables import CAPTURES, CORNERS, DETECTION_TIMES, DETECTIONS, MARKERS, read_table, write_table
 
 log = logging.getLogger("twingap")
 
-POSE = ["rx", "ry", "rz", "tx", "ty", "tz"]
-ALT = [f"{name}_alt" for name in POSE]
-NUMBERS = [*CORNERS, *POSE, "reproj_px", *ALT, "reproj_alt_px"]
-DETECTIONS = pa.DataFrameSchema(
-    {"source": pa.Column(str, pa.Check.isin(["real", "twin"]), coerce=True), "capture": pa.Column(str, coerce=True)}
-    | {"dictionary": pa.Column(str, coerce=True), "id": pa.Column(int, coerce=True)}
-    | {name: pa.Column(float, nullable=name not in CORNERS, coerce=True) for name in NUMBERS},
-    strict=True,
-)
-TIMING = pa.DataFrameSchema(
-    {
-        "source": pa.Column(str, coerce=True),
-        "capture": pa.Column(str, coerce=True),
-        "ms": pa.Column(float, coerce=True),
-    },
-    strict=True,
-)
 PROGRESS_S = 10  # seconds between two lines of progress
 
 
@@ -46,7 +28,7 @@ def images_of(camera, captures, campaign, twin_folder):
 
 
 def pose_columns(corners, code_m, K):
-    """Return the values of POSE, reproj_px, ALT, reproj_alt_px; None where there is no pose or no known size."""
+    """Return both poses, each with its reprojection error, as DETECTIONS has them; None where there is none."""
     poses = contract.estimate_poses(corners, code_m, K) if code_m and K is not None else []
     values = []
     for k in range(2):
@@ -82,7 +64,7 @@ def detect_all(detector, images, code_of, K):
             log.info("%d of %d images", number + 1, len(images))
     detections = pd.DataFrame(rows, columns=list(DETECTIONS.columns))
     detections = detections.sort_values(["source", "capture", "dictionary", "id", *CORNERS], kind="stable")
-    return detections, pd.DataFrame(timing, columns=["source", "capture", "ms"])
+    return detections, pd.DataFrame(timing, columns=list(DETECTION_TIMES.columns))
 
 
 def nominal_camera(register_json):
@@ -111,7 +93,7 @@ def detect_captures(
         raise InputError(f"{captures}: camera {camera} has no capture, and {twin} no twin image")
     found, milliseconds = detect_all(finder, images, code_of, nominal_camera(register))
     write_table(found, out, DETECTIONS)
-    write_table(milliseconds, timing, TIMING)
+    write_table(milliseconds, timing, DETECTION_TIMES)
     log.info("%s, %s: %d markers in %d images", camera, detector, len(found), len(images))
 
 

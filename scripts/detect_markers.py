@@ -12,36 +12,27 @@ import time
 from pathlib import Path
 
 import cv2
-import numpy as np
 import pandas as pd
 
 import job
 from detectors import contract
+from rig import images as stored
 from rig.errors import InputError
 
 CORNERS = ["x0", "y0", "x1", "y1", "x2", "y2", "x3", "y3"]
 COLUMNS = ["image", "dictionary", "id", *CORNERS, "ms"]
 VIDEO_SUFFIXES = (".avi", ".mp4", ".mov", ".mkv", ".webm", ".m4v")
-PNG_END = b"IEND\xaeB`\x82"
 
 
 def read_image(path):
-    """Return the image of a file, grey or BGR, uint8 or uint16; InputError where it is missing or damaged."""
-    path = Path(path)
+    """Return the image of a file, grey or BGR, uint8 or uint16; InputError where it is missing or damaged.
+
+    A campaign's formats are read as campaigns are; others, such as BMP or WebP, as OpenCV reads them.
+    """
     try:
-        content = path.read_bytes()
+        return stored.read_image(path) if stored.is_checked(path) else stored.decode(path, Path(path).read_bytes())
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}") from None
-    # OpenCV fills the missing rows of a cut-off PNG with black and says nothing.
-    if content[:8] == b"\x89PNG\r\n\x1a\n" and PNG_END not in content[-32:]:
-        raise InputError(f"{path}: the PNG ends before its last chunk: truncated")
-    try:
-        image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH)
-    except cv2.error as error:
-        raise InputError(f"{path}: not readable as an image: {error.err}") from None
-    if image is None:
-        raise InputError(f"{path}: not an image that OpenCV reads (PNG, JPEG, TIFF...), or damaged")
-    return image
 
 
 def read_frames(path, wanted=None):

@@ -24,8 +24,6 @@ from rig.safe_yaml import load_yaml, validation_message
 
 log = logging.getLogger("twingap")
 INTRINSICS = ("fx", "fy", "cx", "cy")
-SE = [f"se_{k}" for k in tables.POSE]
-COLUMNS = ["capture", "station", "trial", "status", "sha256", "n_markers", "rms_px", *tables.POSE, *SE]
 IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 MOST_MESSAGES = 5
 SECTORS_ARE_BETTER = 0.6  # the usual chessboard finder stays unless the other nearly halves the residual
@@ -306,9 +304,7 @@ def _write(captures, hashes, outcomes, out_csv):
         status, n, rms, T, se = outcomes[c.capture]
         pose = np.concatenate(split_pose(T)) if T is not None else np.full(6, np.nan)
         rows.append([c.capture, c.station, c.trial, status, hashes[c.capture], n, rms, *pose, *se])
-    table = pd.DataFrame(rows, columns=COLUMNS)
-    with job.write_atomically(out_csv) as file:
-        table.to_csv(file, index=False, lineterminator="\n")
+    tables.write_table(pd.DataFrame(rows, columns=list(tables.REGISTERED.columns)), out_csv, tables.REGISTERED)
 
 
 if __name__ == "__main__":

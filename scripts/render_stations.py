@@ -13,7 +13,6 @@ import time
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from tqdm import tqdm
 
 import job
@@ -38,7 +37,7 @@ def station_poses(expand, register_csv, camera):
         pose = s[tables.POSE].to_numpy(float)
         if np.isnan(pose).any():
             if registered is None:
-                registered = pd.read_csv(register_csv, dtype={"station": str}).drop_duplicates("station")
+                registered = tables.read_table(register_csv, tables.REGISTERED).drop_duplicates("station")
                 registered = registered.set_index("station")
             pose = registered.loc[name, tables.POSE].to_numpy(float)
         if np.isfinite(pose).all():

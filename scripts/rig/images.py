@@ -14,6 +14,7 @@ UNPACKED_AT_ONCE = 1 << 20
 PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 PNG_START = b"\x89PNG\r\n\x1a\n"
 PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # samples a pixel by colour type; a palette's index is one
+TIFF_ORIENTATION = 274
 HOW = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
 
 
@@ -34,7 +35,7 @@ def read_header(path):
             if head[:2] == b"\xff\xd8":
                 return _jpeg_header(file)
             if head[:4] in (b"II*\0", b"MM\0*"):
-                return _tiff_header(file, "<" if head[:2] == b"II" else ">")
+                return _tiff_header(path, file, "<" if head[:2] == b"II" else ">")
         except (struct.error, KeyError, IndexError):
             raise InputError(f"{path}: its header is broken or cut off") from None
     raise InputError(f"{path}: not a PNG, JPEG or TIFF image")
@@ -58,12 +59,12 @@ def _jpeg_header(file):
         file.seek(length - 2, 1)
 
 
-def _tiff_header(file, order):
+def _tiff_header(path, file, order):
     file.seek(4)
     (offset,) = struct.unpack(order + "I", file.read(4))
     file.seek(offset)
     (entries,) = struct.unpack(order + "H", file.read(2))
-    tags = {258: 1, 277: 1}
+    tags = {258: 1, 277: 1, TIFF_ORIENTATION: 1}
     for _ in range(entries):
         tag, kind, count, value = struct.unpack(order + "HHI4s", file.read(12))
         if kind == 3 and count <= 2:
@@ -75,6 +76,8 @@ def _tiff_header(file, order):
             file.seek(struct.unpack(order + "I", value)[0])
             tags[258] = struct.unpack(order + "H", file.read(2))[0]
             file.seek(here)
+    if tags[TIFF_ORIENTATION] != 1:  # OpenCV turns these, whatever it is told
+        raise InputError(f"{path}: a turned TIFF (orientation {tags[TIFF_ORIENTATION]}); only upright ones are read")
     return tags[256], tags[257], tags[258], tags[277]
 
 
@@ -179,10 +182,25 @@ def read_image(path, size=None):
     width, height = check_header(path, size)
     data = Path(path).read_bytes()
     check_complete(path, data)
-    try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), HOW)
-    except cv2.error:
-        image = None
-    if image is None or image.dtype not in (np.uint8, np.uint16) or image.shape[:2] != (height, width):
+    image = decode(path, data)
+    if image.shape[:2] != (height, width):
         raise InputError(f"{path}: the image can't be decoded")
     return image
+
+
+def decode(path, data):
+    """Return the pixels in the bytes of an image of any format that OpenCV knows, as read_image gives them."""
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), HOW) if data else None
+    except cv2.error:
+        image = None
+    if image is None or image.dtype not in (np.uint8, np.uint16):
+        raise InputError(f"{path}: the image can't be decoded")
+    return image
+
+
+def is_checked(path):
+    """Return whether a file begins as the formats whose headers are read here do: PNG, JPEG, TIFF."""
+    with open(path, "rb") as file:
+        head = file.read(8)
+    return head == PNG_START or head[:2] == b"\xff\xd8" or head[:4] in (b"II*\0", b"MM\0*")

@@ -44,12 +44,34 @@ CAPTURES = pa.DataFrameSchema(
     unique=["capture"],
 )
 
+SE = [f"se_{name}" for name in POSE]
+REGISTERED = pa.DataFrameSchema(
+    _columns(TEXT, ["capture", "station"])
+    | _columns(WHOLE, ["trial"])
+    | _columns(TEXT, ["status", "sha256"])
+    | _columns(WHOLE, ["n_markers"])
+    | _columns(REAL, ["rms_px", *POSE, *SE], nullable=True),
+    strict=True,
+    unique=["capture"],
+)
+CORNERS = ["x0", "y0", "x1", "y1", "x2", "y2", "x3", "y3"]
+ALTERNATIVE = [f"{name}_alt" for name in POSE]
+DETECTIONS = pa.DataFrameSchema(
+    {"source": pa.Column(TEXT, pa.Check.isin(["real", "twin"]), coerce=True)}
+    | _columns(TEXT, ["capture", "dictionary"])
+    | _columns(WHOLE, ["id"])
+    | _columns(REAL, CORNERS)
+    | _columns(REAL, [*POSE, "reproj_px", *ALTERNATIVE, "reproj_alt_px"], nullable=True),
+    strict=True,
+)
+DETECTION_TIMES = pa.DataFrameSchema(_columns(TEXT, ["source", "capture"]) | _columns(REAL, ["ms"]), strict=True)
+
 
 def read_table(path, schema):
     """Return a table as the schema has it; raises InputError naming file and column where it is not."""
     text = {name: str for name, c in schema.columns.items() if c.dtype and "str" in str(c.dtype)}
     table = pd.read_csv(path, dtype=text, keep_default_na=True)
-    for name in text:
+    for name in table.columns.intersection(list(text)):
         table[name] = table[name].fillna("")
     return _checked(table, path, schema)
 

@@ -10,15 +10,12 @@ import pandas as pd
 
 from rig.geometry import camera_matrix, make_pose, project, split_pose, station_pose
 from rig.plates import marker_corners_world
+from rig.tables import DETECTIONS, REGISTERED
 
 HEIGHT_M, TILT_DEG, FOCAL_PX, SIZE = 1.0, 90.0, 500.0, (400, 300)
 K = camera_matrix(FOCAL_PX, FOCAL_PX, 199.5, 149.5)
 X_M = [-0.2, 0.0, 0.2, 0.37]
 POSE = ["rx", "ry", "rz", "tx", "ty", "tz"]
-ALT = [f"{name}_alt" for name in POSE]
-COLUMNS = ["source", "capture", "dictionary", "id"]
-COLUMNS += [f"{axis}{k}" for k in range(4) for axis in "xy"]
-COLUMNS += [*POSE, "reproj_px", *ALT, "reproj_alt_px"]
 
 
 def markers():
@@ -67,11 +64,12 @@ def write(folder, detections, captures=("a", "b"), the_markers=None, register=Tr
     if register:
         registers, register_jsons = [folder / "register/top.csv"], [folder / "register/top.json"]
         registers[0].parent.mkdir(exist_ok=True)
-        pd.DataFrame([[c, *pose] for c in captures], columns=["capture", *POSE]).to_csv(registers[0], index=False)
+        rows = [[c, "h1", k, "registered", "", 3, 0.1, *pose, *np.zeros(6)] for k, c in enumerate(captures)]
+        pd.DataFrame(rows, columns=list(REGISTERED.columns)).to_csv(registers[0], index=False)
         register_jsons[0].write_text(json.dumps({"fx": FOCAL_PX, "fy": FOCAL_PX, "cx": K[0, 2], "cy": K[1, 2]}))
     found = folder / "detect/top/aruco.csv"
     found.parent.mkdir(parents=True, exist_ok=True)
-    pd.DataFrame(detections, columns=COLUMNS).to_csv(found, index=False)
+    pd.DataFrame(detections, columns=list(DETECTIONS.columns)).to_csv(found, index=False)
     return {
         "tables": tables,
         "detections": [found],

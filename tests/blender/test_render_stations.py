@@ -50,7 +50,9 @@ def lay_down(folder, heights=(0.3, 0.4, 0.5), black=0.05):
     register = folder / "register"
     register.mkdir(exist_ok=True)
     (register / "c.json").write_text(json.dumps({"fx": 100.0, "fy": 100.0, "cx": 59.5, "cy": 44.5}))
-    (register / "c.csv").write_text("capture,station," + ",".join(tables.POSE) + "\nx,unknown,,,,,,\n")
+    row = ["x", "unknown", 0, "not found", "", 0, *[np.nan] * 13]
+    registered = pd.DataFrame([row], columns=list(tables.REGISTERED.columns))
+    tables.write_table(registered, register / "c.csv", tables.REGISTERED)
     return {
         "expand": str(expand),
         "register_csv": str(register / "c.csv"),

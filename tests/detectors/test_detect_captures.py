@@ -8,8 +8,9 @@ import pandas as pd
 import pytest
 
 from bench.marker_scenes import FOCAL_PX, scene
-from detect_captures import DETECTIONS, detect_captures
+from detect_captures import detect_captures
 from rig.errors import InputError
+from rig.tables import DETECTIONS
 
 
 @pytest.fixture

@@ -6,12 +6,15 @@ import zlib
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
+import detect_markers
 from rig.campaign import load_campaign
 from rig.errors import InputError
 from rig.images import check_captures, read_header, read_image
 from tiny_campaign import lay_down
 
+ORIENTATION = 0x0112  # EXIF's tag
 COLOUR = np.random.default_rng(0).integers(0, 255, (60, 80, 3), dtype=np.uint8)
 
 
@@ -97,6 +100,34 @@ def test_what_is_no_image_ends_in_one_message(tmp_path, content):
     path = tmp_path / "odd.png"
     path.write_bytes(content)
     with pytest.raises(InputError, match="odd.png"):
+        read_image(path)
+
+
+@pytest.mark.parametrize("name", ["a.jpg", "a.png"])
+def test_exifs_orientation_turns_nothing(tmp_path, name):
+    """Were one reader to turn an image and another not, corners and twin would lie in two frames."""
+    path = tmp_path / name
+    exif = Image.Exif()
+    exif[ORIENTATION] = 6  # to be turned by 90 degrees
+    Image.fromarray(COLOUR).save(path, exif=exif)
+    assert read_image(path, (80, 60)).shape == (60, 80, 3)
+    assert (detect_markers.read_image(path) == read_image(path)).all()
+
+
+def test_a_turned_tiff_is_refused(tmp_path):
+    """OpenCV turns TIFFs even when told not to."""
+    path = tmp_path / "a.tif"
+    Image.fromarray(COLOUR).save(path, tiffinfo={ORIENTATION: 6})
+    with pytest.raises(InputError, match="a.tif: a turned TIFF"):
+        read_image(path)
+
+
+def test_formats_that_campaigns_do_not_have_are_left_to_opencv(tmp_path):
+    """`detect_markers.py` is for any images."""
+    path = tmp_path / "a.bmp"
+    cv2.imwrite(str(path), COLOUR)
+    assert (detect_markers.read_image(path) == COLOUR).all()
+    with pytest.raises(InputError, match="not a PNG, JPEG or TIFF"):
         read_image(path)
 
 
