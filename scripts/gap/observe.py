@@ -22,6 +22,7 @@ COARSE_TO_FINE = np.array([4, 1, 0])
 FINE = np.array([0])
 FARTHEST_PX = 25.0
 WHITE, BLACK = FEATURES.index("white"), FEATURES.index("black")
+LEAST_CONTRAST = 0.2  # of the nominal: to the noise of a black or saturated image a small faint plate fits
 WORST_MISFIT = 0.15  # of the contrast: a fit to something else than the plate leaves more, any effect less
 
 
@@ -158,7 +159,7 @@ def measure_plates(grey, starts, wanted, codes, radii):
             codes.levels, codes.lut, RIDGE, radii, FARTHEST_PX,
         )  # fmt: skip
         contrast = codes.contrast_dn + f[WHITE] - f[BLACK]
-        if ok and np.sqrt(variance) < WORST_MISFIT * contrast:
+        if ok and contrast > LEAST_CONTRAST * codes.contrast_dn and np.sqrt(variance) < WORST_MISFIT * contrast:
             features[i], information[i], measured[i], misfit[i] = f, info, True, variance
     return features, information, measured, misfit
 
