@@ -57,6 +57,7 @@ rule make_tables:
     conda:
         "../envs/twingap.yaml"
     params:
+        reference=config["aggregate"]["reference_detector"],
         pins=locked("numpy", "scipy", "pandas"),
     message:
         "Writing Tables 1 and 2"

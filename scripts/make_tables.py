@@ -13,7 +13,7 @@ from rig.metrics import kappa_with_interval, mean_with_interval, wilson_interval
 log = logging.getLogger("twingap")
 
 # The paper's Table 1 compares cameras by one detector, OpenCV's ArUco as it comes.
-REFERENCE_DETECTOR = "aruco"
+PAPERS_DETECTOR = "aruco"
 
 # Table 1 of Krumstroh et al., "Comparing Fiducial Marker Tracking Across Cameras", as far as it is known to
 # us: coverage of the real images, and a "precision" that is a ratio of counts.
@@ -113,10 +113,8 @@ def make_table2(cells, false_ids, campaign):
     return table.astype(dict.fromkeys(whole, "Int64"))
 
 
-def make_table1(table2):
-    """Return Table 1: the rows of the reference detector, or of the first one where that was not run."""
-    algorithms = sorted(table2.algorithm.unique())
-    reference = REFERENCE_DETECTOR if REFERENCE_DETECTOR in algorithms else next(iter(algorithms), None)
+def make_table1(table2, reference):
+    """Return Table 1: the rows of the reference detector."""
     return table2[table2.algorithm == reference][TABLE1].reset_index(drop=True)
 
 
@@ -150,7 +148,7 @@ def readable(table, first, counts):
     for _, row in table.iterrows():
         whole = ["" if pd.isna(row[name]) else str(row[name]) for name in counts]
         rows.append([*(row[name] for name in first), *(cell_text(row, name) for name in SHOWN), *whole])
-        stated = PUBLISHED.get(row.camera) if row.algorithm == REFERENCE_DETECTOR else None
+        stated = PUBLISHED.get(row.camera) if row.algorithm == PAPERS_DETECTOR else None
         if stated:
             values = [f"{stated[name]:g}" if name in stated else "n/a" for name in SHOWN]
             others = [row[name] for name in first[1:]]
@@ -205,7 +203,7 @@ def notes_of(table, origin):
         notes.append("No photographs: coverage of the twin alone.")
     elif origin == "simulated":
         notes.append("The images called real are a simulated stand-in for captures.")
-    if (table.algorithm == REFERENCE_DETECTOR).any() and table.camera.isin(PUBLISHED).any():
+    if (table.algorithm == PAPERS_DETECTOR).any() and table.camera.isin(PUBLISHED).any():
         notes.append(PUBLISHED_NOTE)
     return notes
 
@@ -250,15 +248,16 @@ def headlines_of(table1):
     return [headline(row) for row in table1.itertuples()]
 
 
-def make_tables(cells_file, false_ids_file, scene_file, tables):
+def make_tables(cells_file, false_ids_file, scene_file, reference, tables):
     """Write Tables 1 and 2 and the headlines, a JSON list of sentences.
 
+    reference  detector whose rows are Table 1
     tables  dict of paths by file name: ``table1.csv``, ``.md``, ``.tex``, so for table2, ``headlines.json``
     """
     cells, false_ids = pd.read_parquet(cells_file), pd.read_parquet(false_ids_file)
     scene = json.loads(Path(scene_file).read_text())
     table2 = make_table2(cells, false_ids, scene.get("name", ""))
-    table1 = make_table1(table2)
+    table1 = make_table1(table2, reference)
     algorithm = table1.algorithm.iloc[0] if len(table1) else "no detector"
     captions = {
         "table1": f"Table 1. Real against twin by camera, detector {algorithm}.",
@@ -292,5 +291,6 @@ if __name__ == "__main__":
         cells_file=snakemake.input.cells,
         false_ids_file=snakemake.input.false_ids,
         scene_file=snakemake.input.scene,
+        reference=snakemake.params.reference,
         tables={Path(path).name: path for path in snakemake.output},
     )

@@ -80,7 +80,7 @@ def write(folder, detections, captures=("a", "b"), the_markers=None, register=Tr
     }
 
 
-def write_tables(folder, arguments, origin="camera"):
+def write_tables(folder, arguments, origin="camera", reference="aruco"):
     """Run both steps; return (cells, false ids, table 1, table 2) as read back."""
     from aggregate_detections import aggregate_detections
     from make_tables import make_tables
@@ -89,7 +89,7 @@ def write_tables(folder, arguments, origin="camera"):
     (folder / "scene.json").write_text(json.dumps({"name": "small", "origin": origin}))
     files = {f"{t}.{s}": folder / f"{t}.{s}" for t in ("table1", "table2") for s in ("csv", "md", "tex")}
     files["headlines.json"] = folder / "headlines.json"
-    make_tables(arguments["cells_file"], arguments["false_ids_file"], folder / "scene.json", files)
+    make_tables(arguments["cells_file"], arguments["false_ids_file"], folder / "scene.json", reference, files)
     return (
         pd.read_parquet(arguments["cells_file"]),
         pd.read_parquet(arguments["false_ids_file"]),

@@ -160,3 +160,13 @@ def test_headlines_are_made_from_the_numbers(tmp_path):
     assert line.startswith("top: of 6 markers in the pictures, aruco finds 33.3 % in the real images and 16.7 %")
     assert "misses 1 that the real images have and has 0" in line
     assert line.endswith("0 of 1 pairs are flips, counted apart.")
+
+
+def test_table_1_is_of_the_configured_detector(tmp_path):
+    """A setting that nobody reads would leave OpenCV's rows under another detector's name."""
+    arguments = write(tmp_path, [detection("real", "a", 0), detection("twin", "a", 0)])
+    other = tmp_path / "detect/top/bart.csv"
+    other.write_bytes(arguments["detections"][0].read_bytes())
+    arguments["detections"].append(other)
+    *_, table1, table2 = write_tables(tmp_path, arguments, reference="bart")
+    assert list(table1.algorithm) == ["bart"] and list(table2.algorithm) == ["aruco", "bart"]
