@@ -23,6 +23,8 @@ COLUMNS = {
     "corner_rms_px": "corners RMS px",
     "translation_median_mm": "place mm",
     "rotation_median_deg": "turn °",
+    "jitter_mm": "jitter mm",
+    "shake_mm": "shake mm",
     "first_seen_mean_ms": "first seen ms",
     "dropout_frames": "dropouts",
     "dropout_frames_bridged": "bridged",

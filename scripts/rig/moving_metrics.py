@@ -75,6 +75,21 @@ def jitter_at_rest(cells):
     return (float(np.median(place)), float(np.median(turn))) if place else (np.nan, np.nan)
 
 
+def shake_mm(cells):
+    """Return how much the error of a marker's place scatters over a trajectory, mm, median over trajectories and markers.
+
+    What is drawn on a marker shakes by this, whether camera and marker move or not; a steady error is not counted.
+    """
+    scatter = []
+    for _, marker in cells.groupby(["trajectory", *MARKER]):
+        mine = marker[marker.seen & marker.in_frame]
+        error = mine[[f"{c}_found" for c in POSE[3:]]].to_numpy(float) - mine[POSE[3:]].to_numpy(float)
+        error = error[np.isfinite(error).all(axis=1)]
+        if len(error) >= max(2, LEAST_AT_REST * len(marker)):
+            scatter.append(1000 * np.sqrt(error.var(axis=0, ddof=1).sum()))
+    return _median(np.array(scatter))
+
+
 def _runs(flags):
     """Return [(first, end), ...] of runs of True, end exclusive."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(flags, int), [0]])))
@@ -146,6 +161,7 @@ def summary(cells, false, fps, at_rest):
         "rotation_median_deg": _median(good.rotation_deg),
         "jitter_mm": jitter[0],
         "jitter_deg": jitter[1],
+        "shake_mm": shake_mm(cells),
         "first_seen_mean_ms": 1000 / fps * float(np.nanmean(waits)) if np.isfinite(waits).any() else np.nan,
         "never_seen": int(np.isnan(waits).sum()),
         "dropout_frames": gaps,

@@ -11,6 +11,7 @@ RUNS = [
     ["bench_repeatability.py"],
     ["bench_calibration.py"],
     ["bench_detectors.py"],
+    ["bench_moving.py"],
 ]
 BLIND_TRIALS = [
     *("-m", "snakemake", "--quiet", "all", "--cores", "2", "blind_trials"),
