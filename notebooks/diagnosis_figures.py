@@ -17,6 +17,8 @@ MEASURES = {
     "gap": "gap (floors)",
 }
 MOST_CANDIDATES = 12
+EXAMPLES = {"real": "real", "configured": "twin as configured", "explained": "twin with what was found"}
+BRIGHTEST_DIFFERENCE_DN = 40
 
 
 def read_diagnoses(results):
@@ -30,6 +32,52 @@ def read_diagnoses(results):
         plates = folder / "plates.parquet"
         found.append((diagnosis, ladder, pd.read_parquet(plates) if plates.is_file() else pd.DataFrame()))
     return found
+
+
+def pictures_of(results, diagnosis, ladder, plates):
+    """Return [(figure, what it shows)] of one camera, in the order in which one asks."""
+    camera = diagnosis["camera"]
+    pictures = []
+    example = example_figure(results, camera)
+    if example is not None:
+        pictures.append((example, f"{camera}: one capture that no fit has seen, and how far the twins are off"))
+    if len(ladder):
+        pictures.append((ladder_figure(ladder, camera), f"{camera}: errors on held-out captures, step by step"))
+    if len(plates) and "dx_px" in plates:
+        pictures.append((vectors_figure(plates, camera), f"{camera}: where plates lie off, over the image"))
+    if diagnosis["where"]:
+        pictures.append((where_figure(diagnosis), f"{camera}: what the gap follows"))
+    if diagnosis["candidates"]:
+        pictures.append((candidates_figure(diagnosis), f"{camera}: candidates one by one"))
+    return pictures
+
+
+def example_figure(results, camera):
+    """Return a figure: a capture, its twin before and after, and below what differs; None without images."""
+    paths = {name: Path(results) / "diagnosis" / camera / f"example_{name}.png" for name in EXAMPLES}
+    if not all(p.is_file() for p in paths.values()):
+        return None
+    images = {name: plt.imread(p)[..., :3] if plt.imread(p).ndim == 3 else plt.imread(p) for name, p in paths.items()}
+    grey = {name: 255 * (i.mean(axis=2) if i.ndim == 3 else i) for name, i in images.items()}
+    fig, axes = plt.subplots(2, 3, figsize=(1.5 * figures.WIDTH_IN, 4.4))
+    for column, (name, title) in enumerate(EXAMPLES.items()):
+        axes[0, column].imshow(images[name], cmap="gray")
+        axes[0, column].set_title(title, fontsize=9.5)
+        if name != "real":
+            difference = grey[name] - grey["real"]
+            axes[1, column].imshow(
+                difference, cmap="RdBu_r", vmin=-BRIGHTEST_DIFFERENCE_DN, vmax=BRIGHTEST_DIFFERENCE_DN
+            )
+            rms = float(np.sqrt((difference**2).mean()))
+            axes[1, column].set_title(f"minus real: {rms:.1f} grey levels (RMS)", fontsize=9.5)
+    for axis in axes.ravel():
+        axis.axis("off")
+    axes[1, 0].text(
+        0.5, 0.5, f"red: the twin is brighter\nblue: the real image is\nfull colour: {BRIGHTEST_DIFFERENCE_DN} grey levels",
+        ha="center", va="center", fontsize=9, transform=axes[1, 0].transAxes,
+    )  # fmt: skip
+    fig.suptitle(f"{camera}: does the twin look like the capture?", fontsize=11)
+    return fig
 
 
 def words(diagnosis):

@@ -6,20 +6,10 @@ Makes: results/blind_trials/ (trials.csv, summary.csv and .md, confusion.csv and
 generator (tests/bench/generator) shares no image formation with the effects; see docs/blind-trials.md.
 """
 
-import sys
-
-sys.path.insert(0, "tests/bench")
-
-from lay_down_trials import identity
-
 TRIALS_FOLDER = "results/blind_trials"
 TRIALS_SEED = config["blind_trials"]["seed"]
 TRIALS_SIZE = config["blind_trials"]["size"]
-TRIALS = {
-    identity(kind, index, TRIALS_SEED, size=TRIALS_SIZE)[0]: (kind, index)
-    for kind in ("single", "pair", "none", "outside", "power")
-    for index in range(config["blind_trials"][kind])
-}
+TRIALS = names_of(config["blind_trials"], TRIALS_SEED, TRIALS_SIZE)
 
 
 rule blind_trials:
@@ -38,15 +28,15 @@ rule lay_down_trial:
     conda:
         "../envs/twingap.yaml"
     params:
-        kind=lambda w: TRIALS[w.trial][0],
-        index=lambda w: TRIALS[w.trial][1],
+        kind=trial_kind,
+        index=trial_index,
         seed=TRIALS_SEED,
         size=TRIALS_SIZE,
-        folder=TRIALS_FOLDER,
+        python=PYTHON,
     message:
         "Laying down {wildcards.trial}"
     shell:
-        "python tests/bench/lay_down_trials.py --out {params.folder}/campaigns --envelopes {params.folder}/envelopes"
+        "{params.python} tests/bench/lay_down_trials.py --out $(dirname {output.campaign}) --envelopes $(dirname $(dirname {output.envelope}))"
         " --kind {params.kind} --first {params.index} --seed {params.seed:q} --size {params.size} > {log} 2>&1"
 
 
@@ -61,10 +51,12 @@ rule diagnose_trial:
         f"{TRIALS_FOLDER}/logs/diagnose/{{trial}}.log",
     conda:
         "../envs/twingap.yaml"
+    params:
+        python=PYTHON,
     message:
         "What is hidden in {wildcards.trial}?"
     shell:
-        "python tests/bench/diagnose_trial.py {input.campaign} --out {output} > {log} 2>&1"
+        "{params.python} tests/bench/diagnose_trial.py {input.campaign} --out {output} > {log} 2>&1"
 
 
 rule open_envelopes:
@@ -76,18 +68,20 @@ rule open_envelopes:
     output:
         expand(
             f"{TRIALS_FOLDER}/{{table}}.csv",
-            table=["trials", "parameters", "summary", "confusion", "power"],
+            table=["trials", "parameters", "confusion", "power"],
         ),
         f"{TRIALS_FOLDER}/summary.md",
         f"{TRIALS_FOLDER}/confusion.png",
+        summary=f"{TRIALS_FOLDER}/summary.csv",
     log:
         f"{TRIALS_FOLDER}/logs/open_envelopes.log",
     conda:
         "../envs/twingap.yaml"
     params:
-        folder=TRIALS_FOLDER,
+        python=PYTHON,
     message:
         "Opening the envelopes"
     shell:
-        "python tests/bench/open_envelopes.py --verdicts {params.folder}/verdicts"
-        " --envelopes {params.folder}/envelopes --out {params.folder} > {log} 2>&1"
+        "{params.python} tests/bench/open_envelopes.py --out $(dirname {output.summary})"
+        " --verdicts $(dirname {output.summary})/verdicts --envelopes $(dirname {output.summary})/envelopes"
+        " > {log} 2>&1"

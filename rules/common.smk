@@ -9,7 +9,7 @@ import re
 import sys
 from pathlib import Path
 
-sys.path.insert(0, "scripts")
+sys.path[:0] = ["scripts", "tests/bench"]
 
 from detectors import contract
 from expand_tables import facts_of
@@ -18,9 +18,11 @@ from rig.config import check_choice, check_config
 from rig.errors import InputError
 from rig.experiment import load_experiment
 from rig.images import check_captures
+from trial_names import names_of
 from verify_data import tracked_listing, tracked_md5
 
 LOCK = "envs/twingap.lock.txt"
+PYTHON = sys.executable
 DVC_STORES = [".dvc/cache", "data/dvc-remote"]
 
 
@@ -277,3 +279,119 @@ DIAGNOSIS = (
 
 wildcard_constraints:
     camera="|".join(CAMERAS),
+
+
+CANDIDATES = config["diagnose"]["candidates"] or sorted(available_effects())
+
+
+def effect_files(wildcards):
+    """Return the files of the effects of the camera's twin and of all that compete."""
+    names = {name for name, _ in twin_effects(wildcards.camera)}
+    return modules(*[f"effects/{name}.py" for name in sorted(names | set(CANDIDATES))])
+
+
+def trial_kind(wildcards):
+    """Return what kind of thing a blind trial hides."""
+    return TRIALS[wildcards.trial][0]
+
+
+def trial_index(wildcards):
+    """Return the index of a blind trial among those of its kind."""
+    return TRIALS[wildcards.trial][1]
+
+
+MOVING = "results/moving/{moving}"
+
+
+def moving_experiment(wildcards):
+    """Return the moving_config.Moving of a job; end with one message where its file is wrong."""
+    from rig.moving_config import load_moving
+
+    try:
+        return load_moving(f"config/moving/{wildcards.moving}.yaml")
+    except InputError as error:
+        end_with(error)
+
+
+def moving_rig(wildcards):
+    """Return the rig's file of a moving experiment."""
+    return f"config/rigs/{moving_experiment(wildcards).file.rig}"
+
+
+def moving_trajectories(wildcards):
+    """Return the names of the trajectories."""
+    return sorted(moving_experiment(wildcards).file.trajectories)
+
+
+def moving_detectors(wildcards):
+    """Return the names of the detectors that run on the frames."""
+    return sorted(moving_experiment(wildcards).file.detectors)
+
+
+def moving_frames(wildcards):
+    """Return the folders of frames of all trajectories."""
+    names = moving_trajectories(wildcards)
+    return expand(
+        f"{MOVING}/frames/{{trajectory}}", trajectory=names, moving=wildcards.moving
+    )
+
+
+def moving_detections(wildcards):
+    """Return the reports of all detectors."""
+    names = moving_detectors(wildcards)
+    return expand(
+        f"{MOVING}/detect/{{detector}}.csv", detector=names, moving=wildcards.moving
+    )
+
+
+def moving_timings(wildcards):
+    """Return the timings of all detectors."""
+    names = moving_detectors(wildcards)
+    return expand(
+        f"{MOVING}/detect/{{detector}}_timing.csv",
+        detector=names,
+        moving=wildcards.moving,
+    )
+
+
+def moving_clips(wildcards):
+    """Return the clips of all detectors."""
+    names = moving_detectors(wildcards)
+    return expand(
+        f"{MOVING}/clips/{{detector}}.webm", detector=names, moving=wildcards.moving
+    )
+
+
+def moving_threads(wildcards):
+    """Return the threads of a render job."""
+    return moving_experiment(wildcards).file.threads
+
+
+def moving_store(wildcards):
+    """Return where a trajectory's linear renders are kept between runs."""
+    return f"results/moving/{wildcards.moving}/render/{wildcards.trajectory}"
+
+
+def moving_paths(wildcards):
+    """Return what the notebook is told: the run's folder, the repository, the experiment's file."""
+    return {
+        "results": f"results/moving/{wildcards.moving}",
+        "project": ".",
+        "experiment": f"config/moving/{wildcards.moving}.yaml",
+    }
+
+
+MOVING_CODE = modules(
+    "job.py",
+    "rig/experiment.py",
+    "rig/geometry.py",
+    "rig/moving_config.py",
+    "rig/moving_truth.py",
+    "rig/plates.py",
+    "rig/trajectories.py",
+)
+
+
+wildcard_constraints:
+    moving="[A-Za-z0-9_-]+",
+    trajectory="[A-Za-z0-9_-]+",

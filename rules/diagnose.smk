@@ -14,6 +14,7 @@ GAP_CODE = modules(
         for name in (
             "case",
             "diagnose",
+            "finder",
             "fit",
             "flats",
             "observe",
@@ -26,13 +27,6 @@ GAP_CODE = modules(
     "rig/plates.py",
     "rig/scene.py",
 )
-CANDIDATES = config["diagnose"]["candidates"] or sorted(available_effects())
-
-
-def effect_files(wildcards):
-    """Return the files of the effects of the camera's twin and of all that compete."""
-    names = {name for name, _ in twin_effects(wildcards.camera)}
-    return modules(*[f"effects/{name}.py" for name in sorted(names | set(CANDIDATES))])
 
 
 wildcard_constraints:
@@ -97,13 +91,17 @@ rule diagnose_camera:
             f"{RESULTS}/diagnosis/{{{{camera}}}}/candidates/{{effect}}.json",
             effect=CANDIDATES,
         ),
-        code=modules("gap/ladder.py", "gap/where.py", "try_effect.py"),
+        code=modules("gap/finder.py", "gap/ladder.py", "gap/where.py", "try_effect.py"),
     output:
         verdict=f"{RESULTS}/diagnosis/{{camera}}.json",
         ladder=f"{RESULTS}/diagnosis/{{camera}}/ladder.csv",
         plates=f"{RESULTS}/diagnosis/{{camera}}/plates.parquet",
         fields=f"{RESULTS}/diagnosis/{{camera}}/fields.parquet",
         noise=f"{RESULTS}/diagnosis/{{camera}}/noise.parquet",
+        example=expand(
+            f"{RESULTS}/diagnosis/{{{{camera}}}}/example_{{image}}.png",
+            image=["real", "configured", "explained"],
+        ),
     log:
         f"{RESULTS}/logs/diagnose_camera/{{camera}}.log",
     benchmark:

@@ -8,6 +8,7 @@ import json
 import logging
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pandas as pd
 
@@ -24,7 +25,9 @@ from gap.diagnose import (
     suggested_station,
     verdict_of,
 )
+from gap.fit import flatten
 from gap.where import explained_shares, field_gaps, noise_gaps, plate_gaps
+from job import seed_of
 from try_effect import clean, restored
 
 log = logging.getLogger("twingap")
@@ -102,9 +105,10 @@ def diagnose_camera(
     candidates, skipped = candidate_records(candidate_files, diagnosis)
     diagnosis.candidates = [c.effect for c in candidates]
     start_effects, start_poses, start_groups = list(diagnosis.effects), diagnosis.poses, diagnosis.base_groups
+    start_excess = max(diagnosis.excess, 1.0)
     steps, left = climb(diagnosis, candidates, most_steps, lambda e: log.info("%s: + %s", camera, e))
     floors, gap, gap_se = diagnosis.floors, diagnosis.base_gap, diagnosis.base_gap_se
-    verdict = verdict_of(steps, gap, gap_se)
+    verdict = verdict_of(steps, gap, gap_se, diagnosis.excess / start_excess)
     everything = sorted(diagnosis.train + diagnosis.test)
     first = tables_of(diagnosis, start_effects, start_poses, everything)
     last = tables_of(diagnosis, diagnosis.effects, diagnosis.poses, everything)
@@ -141,7 +145,26 @@ def diagnose_camera(
     rows = ladder.rungs(diagnosis, twins, images, floors)
     with job.write_atomically(out_ladder) as file:
         pd.DataFrame(rows).assign(camera=camera).to_csv(file, index=False, lineterminator="\n")
+    worst = max(diagnosis.test, key=lambda i: np.mean(flatten(start_groups[i]) ** 2))
+    write_example(diagnosis, worst, images[worst], [(start_effects, start_poses), (diagnosis.effects, None)], out_gaps)
     log.info("%s: %s; gap %.2f -> %.2f floors", camera, verdict, result["gap_as_configured"], gap)
+
+
+EXAMPLES = ("real", "configured", "explained")
+
+
+def write_example(diagnosis, i, image, twins, folder):
+    """Write one capture as three images: example_real.png, and what the first and the last twin show in its place."""
+    case, capture = diagnosis.case, diagnosis.case.captures[i]
+    shown = [image]
+    for effects, poses in twins:
+        poses, _ = diagnosis.fitter.score(effects, diagnosis.poses if poses is None else poses, [i])
+        rng = np.random.default_rng(seed_of(case.campaign, case.camera, capture.view.capture, "example"))
+        shown.append(case.image_of(diagnosis.fitter.radiance(i, effects, poses[i]), capture, effects, poses[i], rng))
+    for name, picture in zip(EXAMPLES, shown, strict=True):
+        _, data = cv2.imencode(".png", np.clip(np.rint(picture), 0, 255).astype(np.uint8)[..., ::-1])
+        with job.write_atomically(folder / f"example_{name}.png", "wb") as file:
+            file.write(data.tobytes())
 
 
 def _images(expand, campaign, camera, case, indices):
@@ -196,8 +219,11 @@ def _write_undiagnosed(expand, camera, record, out, out_ladder, out_gaps):
         json.dump(result, file, indent=1, sort_keys=True)
     with job.write_atomically(out_ladder) as file:
         pd.DataFrame(columns=[*ladder.COLUMNS, "camera"]).to_csv(file, index=False, lineterminator="\n")
+    out_gaps.mkdir(parents=True, exist_ok=True)
+    for name in EXAMPLES:
+        with job.write_atomically(out_gaps / f"example_{name}.png", "wb") as file:
+            file.write(cv2.imencode(".png", np.zeros((8, 8), np.uint8))[1].tobytes())
     for name in ("plates", "fields", "noise"):
-        out_gaps.mkdir(parents=True, exist_ok=True)
         with job.write_atomically(out_gaps / f"{name}.parquet", "wb") as file:
             pd.DataFrame({"capture": np.array([], str), "twin": np.array([], str)}).to_parquet(file, index=False)
 

@@ -306,15 +306,36 @@ class Renderer:
         return material
 
     def _light(self, tree):
-        """Return the socket of 1 + gx x + gy (y - 1), at least 0 and at most 4."""
+        """Return the socket of effects.base.light_factor."""
         light = self.scene.light
+        geometry = tree.nodes.new("ShaderNodeNewGeometry")
         position = tree.nodes.new("ShaderNodeSeparateXYZ")
-        tree.links.new(tree.nodes.new("ShaderNodeNewGeometry").outputs["Position"], position.inputs[0])
+        tree.links.new(geometry.outputs["Position"], position.inputs[0])
         along_x = _math(tree, "MULTIPLY", position.outputs["X"], _value(tree, light["gradient_x"]))
         forward = _math(tree, "SUBTRACT", position.outputs["Y"], _value(tree, 1.0))
         along_y = _math(tree, "MULTIPLY", forward, _value(tree, light["gradient_y"]))
-        total = _math(tree, "ADD", _math(tree, "ADD", along_x, along_y), _value(tree, 1.0))
+        total = _math(tree, "ADD", _math(tree, "ADD", along_x, along_y), _value(tree, 1 - light["lamp_share"]))
+        if light["lamp_share"]:
+            total = _math(tree, "ADD", total, self._near_lamp(tree, geometry, position))
         return _math(tree, "MINIMUM", _math(tree, "MAXIMUM", total, _value(tree, 0.0)), _value(tree, 4.0))
+
+    def _near_lamp(self, tree, geometry, position):
+        """Return the socket of lamp_share E(x, y) / E(0, 1), E = h / d^3 on the ground z = 0."""
+        light = self.scene.light
+        x, y, h = light["lamp_x_m"], light["lamp_y_m"], light["lamp_height_m"]
+        ground = tree.nodes.new("ShaderNodeCombineXYZ")
+        for axis in "XY":
+            tree.links.new(position.outputs[axis], ground.inputs[axis])
+        lamp = tree.nodes.new("ShaderNodeCombineXYZ")
+        for axis, value in zip("XYZ", (x, y, h), strict=True):
+            lamp.inputs[axis].default_value = value
+        away = _vector(tree, "SUBTRACT", lamp.outputs[0], ground.outputs[0])
+        length = tree.nodes.new("ShaderNodeVectorMath")
+        length.operation = "LENGTH"
+        tree.links.new(away, length.inputs[0])
+        falloff = _math(tree, "POWER", length.outputs["Value"], _value(tree, -3.0))
+        there = (h * h + x * x + (1.0 - y) ** 2) ** 1.5
+        return _math(tree, "MULTIPLY", falloff, _value(tree, light["lamp_share"] * there))
 
     def _highlight(self, tree):
         """Return the socket of effects.base.highlight_radiance: strength (n . h)^(2 / roughness^2), n the world's z."""

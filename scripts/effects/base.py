@@ -17,6 +17,7 @@ class Parameter:
     starts   values from which a fit starts; several for even parameters and where fits stick
     matters  the smallest departure from null that is worth naming
     doc      what it is, in one sentence
+    spread   standard deviation of a prior about null, for what data may leave undetermined; None: no prior
     """
 
     unit: str
@@ -26,6 +27,7 @@ class Parameter:
     starts: tuple
     matters: float
     doc: str
+    spread: float | None = None
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ class Scene:
 
     plates       list of rig.plates.Plate
     white, black, ground, background  linear radiances under the nominal light
-    light        None (even), or a dict ``{"gradient_x", "gradient_y"}`` in 1/m: radiance times 1 + gx x + gy (y - 1 m)
+    light        None (even), or a dict of ``light_factor``
     highlight    None, or a dict of a glossy lamp: ``{"x_m", "y_m", "height_m", "strength", "roughness"}``
     ink_spread_m outward move of the boundaries of black, metres
     T_cam_mount  4 x 4; the camera's true pose is ``T_cam_mount @ T_cam_world``
@@ -78,6 +80,22 @@ class View:
     station: str
     exposure: float = 1.0
     encoding: str = "srgb"
+
+
+def light_factor(light, x, y):
+    """Return by what the light on the ground at x, y (metres, any shape) exceeds the even one, 0 to 4.
+
+    1 + gradient_x x + gradient_y (y - 1) + lamp_share (E(x, y) / E(0, 1) - 1): a tilt in 1/m, and a share of the light
+    that comes from a lamp at (lamp_x_m, lamp_y_m, lamp_height_m) whose irradiance E falls as h / d^3 (Lambert's cosine
+    and inverse square laws).
+    """
+
+    def irradiance(x, y):
+        h = light["lamp_height_m"]
+        return h / (h * h + (x - light["lamp_x_m"]) ** 2 + (y - light["lamp_y_m"]) ** 2) ** 1.5
+
+    tilt = light["gradient_x"] * x + light["gradient_y"] * (y - 1.0)
+    return np.clip(1 + tilt + light["lamp_share"] * (irradiance(x, y) / irradiance(0.0, 1.0) - 1), 0, 4)
 
 
 def highlight_radiance(highlight, view, x, y):

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 # Standard deviations at which a blur that varies over the image is computed; between them, variances are mixed
-LEVELS_PX = (0.0, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0)
+LEVELS_PX = (0.0, 0.25, 0.35, *(0.5 * 2 ** (k / 4) for k in range(16)), 8.0)
 COARSE_BELOW_PX = 0.5
 PIECES_PER_DISC = 64
 BISECTIONS = 40

@@ -1,6 +1,6 @@
 """A smooth displacement of the image that no lens formula describes, the same in every capture (headset passthrough).
 
-A grid of 5 x 4 control points over the frame, uniform cubic B-splines between them; parameters are displacements of the
+A grid of 8 x 6 control points over the frame, uniform cubic B-splines between them; parameters are displacements of the
 control points. Source: de Boor, uniform cubic B-splines; free-form deformation of Sederberg and Parry (1986).
 """
 
@@ -9,9 +9,9 @@ import numpy as np
 from effects.base import Parameter
 
 STAGE, ORDER = "processing", 5
-COLUMNS, ROWS = 5, 4
+COLUMNS, ROWS = 8, 6
 PARAMETERS = {
-    f"d{axis}_{row}{column}": Parameter("px", -60, 60, 0.0, (0.0,), 0.4, f"move of a control point along {axis}")
+    f"d{axis}_{row}{column}": Parameter("px", -60, 60, 0.0, (0.0,), 0.4, f"move of a control point along {axis}", 4.0)
     for axis in "xy"
     for row in range(ROWS)
     for column in range(COLUMNS)

@@ -21,6 +21,8 @@ TRIED_AGAIN = 4  # the same in later steps of a climb
 MOST_STATIONS = 0.7  # share of held-out stations that must not lose: a highlight is not seen from everywhere
 LEAST_LOSS = 3.0  # a station loses that loses more than this, or than 2 % of the whole gain
 LEAST_GAIN = 25.0  # and the least gain in loss that is worth a name
+LEAST_SHARE = 0.25  # of what is left above the floor, that a candidate must gain: less is a patch on a wrong form
+CLOSED = 0.1  # share of the first excess up to which the climb has closed the gap, though above the floor
 LEAST_PROMISE = 12.0  # first-order gain in training loss below which an effect is not fitted
 # Floors come from trials; they differ by more only where the twin is still wrong
 SMALLEST_FLOOR = {"corners": 0.25, "edges": 0.25, "levels": 0.5, "colour": 0.5, "field": 0.5, "noise": 0.5}
@@ -221,6 +223,7 @@ class Diagnosis:
         _, train_groups = self.fitter.score(self.effects, self.poses, self.train)
         self.floors = floors_of(self.case, train_groups | self.base_groups)
         self.base_losses = losses_of(self.base_groups)
+        self.excess = excess_of(self.base_groups, self.floors)
         self.base_gap = overall_gap(self.base_groups, self.floors)
         self.base_gap_se = gap_error(self.base_groups, self.floors)
 
@@ -334,6 +337,14 @@ class Diagnosis:
         return self.set_base(self.effects, self.free())
 
 
+def excess_of(groups, floors):
+    """Return the loss above what repeats of a station would show."""
+    expected = sum(
+        RHO_NOISE * values.size * floors.get(name, 1.0) ** 2 for g in groups.values() for name, values in g.items()
+    )
+    return max(sum(losses_of(groups).values()) - expected, 0.0)
+
+
 def is_promising(effect, promises, most=TRIED):
     """Return whether an effect's promise is worth a fit: more than nothing, and among the ``most`` best."""
     best = sorted(promises, key=lambda n: (-promises[n], n))[:most]
@@ -360,11 +371,11 @@ def rank(candidates):
     return sorted(candidates, key=lambda c: (-(c.gain - 2 * len(c.parameters)), c.effect))
 
 
-def is_missing(candidate):
-    """Return whether a candidate's held-out gain is more than chance and its size matters."""
+def is_missing(candidate, excess):
+    """Return whether a candidate's held-out gain is more than chance and a good share of the excess, and matters."""
     return bool(
         candidate.matters
-        and candidate.gain > LEAST_GAIN + 2 * len(candidate.parameters)
+        and candidate.gain > max(LEAST_GAIN + 2 * len(candidate.parameters), LEAST_SHARE * excess)
         and candidate.stations_gaining >= MOST_STATIONS
     )
 
@@ -407,7 +418,7 @@ def climb(diagnosis, first, most_steps=6, progress=None):
     """
     steps, candidates = [], rank(first)
     while len(steps) < most_steps:
-        missing = [c for c in candidates if is_missing(c)]
+        missing = [c for c in candidates if is_missing(c, diagnosis.excess)]
         if not missing:
             break
         best = missing[0]
@@ -451,12 +462,13 @@ def unneeded(diagnosis, names):
     return out
 
 
-def verdict_of(steps, gap, gap_se):
+def verdict_of(steps, gap, gap_se, share_left=1.0):
     """Return ``adequate``, ``explained`` or ``unexplained`` from the steps taken and the gap that is left.
 
     A gap that captures disagree about is no smaller for that: the error is allowed for up to ``ALLOWED`` only.
+    ``share_left`` is what the climb left of the excess: effects have the right name before they have the last form.
     """
-    if gap - min(2 * np.nan_to_num(gap_se), ALLOWED) > ENOUGH:
+    if gap - min(2 * np.nan_to_num(gap_se), ALLOWED) > ENOUGH and not (steps and share_left < CLOSED):
         return "unexplained"
     return "explained" if steps else "adequate"
 

@@ -202,14 +202,15 @@ class Fitter:
         ``scale`` widens the robust loss at the start (annealed to 1 by halves).
         """
         theta = np.array([get_parameter(effects, f) for f in free])
+        null, precision = priors_of(free)
         steps = np.array([small_step(f) for f in free])
         lower, upper = bounds_of(free)
         damping = 1e-6
         best = np.inf
         for _ in range(iterations):
-            H = np.zeros((len(free), len(free)))
-            g = np.zeros(len(free))
-            loss = 0.0
+            H = np.diag(precision)
+            g = precision * (null - theta)
+            loss = (precision * (null - theta) ** 2).sum()
             blocks = []
             nu = NU * max(scale, 1.0) ** 2
             for i in train:
@@ -291,7 +292,7 @@ class Fitter:
         for _ in range(iterations):
             theta = np.array([get_parameter(effects, f) for f in free])
             nu = NU * width**2
-            loss = total(groups, nu)
+            loss = total(groups, nu) + prior_loss(free, theta)
             H, g, blocks = self.normal_equations(effects, free, poses, predictions, groups, train, nu)
             covariance = np.linalg.pinv(H + np.diag(np.full(len(free), 1e-12))) if free else covariance
             accepted = False
@@ -304,7 +305,7 @@ class Fitter:
                 trial = with_parameters(effects, free, theta + d)
                 trial_predictions, trial_offsets = self.start(trial, trial_poses, train)
                 trial_groups = self.residuals_of(trial, trial_poses, trial_predictions, train)
-                trial_loss = total(trial_groups, nu)
+                trial_loss = total(trial_groups, nu) + prior_loss(free, theta + d)
                 if trial_loss <= loss + 1e-9:
                     accepted = True
                     break
@@ -332,7 +333,9 @@ class Fitter:
         """
         step_of = step_of or image_step
         k = len(free)
-        H, g, blocks = np.zeros((k, k)), np.zeros(k), []
+        null, precision = priors_of(free)
+        H, blocks = np.diag(precision), []
+        g = precision * (null - np.array([get_parameter(effects, f) for f in free]))
         for i in train:
             y = flatten(groups[i])
             weight = 1 / (1 + y * y / nu)
@@ -440,6 +443,19 @@ def with_parameters(effects, free, values):
 def bounds_of(free):
     """Return (lower, upper) arrays."""
     return np.array([spec(f).lower for f in free]), np.array([spec(f).upper for f in free])
+
+
+def priors_of(free):
+    """Return (null, precision) arrays of the parameters' priors; precision 0 where there is none."""
+    null = np.array([spec(f).null for f in free], float)
+    spread = np.array([spec(f).spread or np.inf for f in free], float)
+    return null, 1 / spread**2
+
+
+def prior_loss(free, theta):
+    """Return the loss of the parameters' priors."""
+    null, precision = priors_of(free)
+    return float((precision * (theta - null) ** 2).sum())
 
 
 def small_step(parameter):

@@ -6,7 +6,7 @@ What the fit renders with; a test holds it to Blender's renders.
 import cv2
 import numpy as np
 
-from effects.base import highlight_radiance
+from effects.base import highlight_radiance, light_factor
 from gap.raster import add_polygons, running_sum
 from rig.geometry import project, transform
 
@@ -145,8 +145,7 @@ def shade(scene, view, plates, black, sky, map_points=None):
     if scene.light is not None or scene.highlight is not None:
         x, y = ground_points(view, map_points)
         if scene.light is not None:
-            factor = 1 + scene.light["gradient_x"] * x + scene.light["gradient_y"] * (y - 1.0)
-            radiance = radiance * np.clip(factor, 0, 4)
+            radiance = radiance * light_factor(scene.light, x, y)
         if scene.highlight is not None:
             radiance = radiance + plates * highlight_radiance(scene.highlight, view, x, y)
     return radiance * (1 - sky) + scene.background * sky

@@ -42,16 +42,17 @@ def diagnose_camera(campaign, camera, scratch):
     if not diagnosis.is_usable():
         return {"camera": camera, "verdict": "unexplained", "why": diagnosis.why_unusable(), "steps": [], "gap": None}
     diagnosis.set_base([])
-    first, gap = diagnosis.base_groups, diagnosis.base_gap
+    first, gap, excess = diagnosis.base_groups, diagnosis.base_gap, max(diagnosis.excess, 1.0)
     promises = diagnosis.promises()
     candidates = [diagnosis.try_promised(name, promises) for name in diagnosis.candidates]
     steps, left = climb(diagnosis, candidates)
     return {
         "camera": camera,
-        "verdict": verdict_of(steps, diagnosis.base_gap, diagnosis.base_gap_se),
+        "verdict": verdict_of(steps, diagnosis.base_gap, diagnosis.base_gap_se, diagnosis.excess / excess),
         "gap_as_configured": gap,
         "gap": diagnosis.base_gap,
         "gap_se": diagnosis.base_gap_se,
+        "share_left": diagnosis.excess / excess,
         "groups": group_gaps(diagnosis.base_groups, diagnosis.floors),
         "steps": step_records(steps, first, diagnosis.floors),
         "candidates": ranked(candidates, diagnosis, diagnosis.floors)[:6],

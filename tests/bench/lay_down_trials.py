@@ -12,8 +12,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from generator import LIBRARY, OUTSIDE, draw_effect, generate_campaign, nominal
-
-POWER_STRENGTHS = (0.25, 0.5, 1.0, 2.0)
+from trial_names import POWER_STRENGTHS, identity
 
 
 def _dealt(names, index, *seed):
@@ -38,14 +37,6 @@ def hidden_effects(kind, index, seed, effect=None):
         return [first]
     rest = [name for name in LIBRARY if name != first]
     return [first, rest[nominal.rng_of("second", seed, index).integers(len(rest))]]
-
-
-def identity(kind, index, seed, effect=None, strength=None, size="standard"):
-    """Return (the campaign's name, the name that seeds it, its strength) of a trial."""
-    if strength is None:
-        strength = POWER_STRENGTHS[index % len(POWER_STRENGTHS)] if kind == "power" else 1.0
-    trial_seed = f"{seed}/{kind}/{index}/{effect}/{strength}/{size}"
-    return f"t{nominal.seed_of('name', trial_seed):016x}"[:9], trial_seed, strength
 
 
 def lay_down_trial(out, envelopes, kind, index, seed, effect=None, strength=None, size="standard"):
