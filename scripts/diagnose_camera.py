@@ -17,13 +17,12 @@ from case_files import read_capture
 from gap import ladder
 from gap.diagnose import (
     Candidate,
-    climb,
+    conclude,
     gap_error,
     group_gaps,
     overall_gap,
     rank,
     suggested_station,
-    verdict_of,
 )
 from gap.fit import flatten
 from gap.where import explained_shares, field_gaps, noise_gaps, plate_gaps
@@ -105,10 +104,8 @@ def diagnose_camera(
     candidates, skipped = candidate_records(candidate_files, diagnosis)
     diagnosis.candidates = [c.effect for c in candidates]
     start_effects, start_poses, start_groups = list(diagnosis.effects), diagnosis.poses, diagnosis.base_groups
-    start_excess = max(diagnosis.excess, 1.0)
-    steps, left = climb(diagnosis, candidates, most_steps, lambda e: log.info("%s: + %s", camera, e))
+    steps, left, verdict, _ = conclude(diagnosis, candidates, most_steps, lambda e: log.info("%s: + %s", camera, e))
     floors, gap, gap_se = diagnosis.floors, diagnosis.base_gap, diagnosis.base_gap_se
-    verdict = verdict_of(steps, gap, gap_se, diagnosis.excess / start_excess)
     everything = sorted(diagnosis.train + diagnosis.test)
     first = tables_of(diagnosis, start_effects, start_poses, everything)
     last = tables_of(diagnosis, diagnosis.effects, diagnosis.poses, everything)

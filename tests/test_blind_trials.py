@@ -6,7 +6,10 @@ import pandas as pd
 import pytest
 
 from open_envelopes import open_envelopes
+from tiny_campaign import lay_down
 from workflow_runs import copy_project, snakemake
+
+CANDIDATES = "diagnose={candidates: [lens_blur]}"
 
 
 def lay_trial(folder, name, kind, hidden, named, verdict, gap=1.0, value=1.2, se=0.02):
@@ -47,7 +50,7 @@ def test_a_blind_trial_runs_from_the_command_line(tmp_path, kind):
     project = copy_project(tmp_path / "project")
     trials = f"blind_trials={{single: 0, pair: 0, none: 0, outside: 0, {kind}: 1, size: tiny}}"
     status, said = snakemake(
-        project, "--cores", 2, "blind_trials", "--config", trials, "diagnose={candidates: [lens_blur]}"
+        project, "--cores", 2, "blind_trials", "--config", trials, CANDIDATES, f"campaign={lay_down(tmp_path / 'c')}"
     )
     assert status == 0, said[-3000:]
     trials = pd.read_csv(project / "results/blind_trials/trials.csv", keep_default_na=False)

@@ -13,7 +13,6 @@ import numpy as np
 LEVELS_PX = (0.0, 0.25, 0.35, *(0.5 * 2 ** (k / 4) for k in range(16)), 8.0)
 COARSE_BELOW_PX = 0.5
 PIECES_PER_DISC = 64
-BISECTIONS = 40
 
 
 @functools.lru_cache(maxsize=64)
@@ -70,33 +69,26 @@ def varying_blur(image, sigma_px, blur=gaussian):
     return out
 
 
-def spread_points(x, y, variance):
-    """Return the kernel (odd, odd) of points (n,) about the origin, shrunk so that it has the variance of x plus y.
+def keys_weights(t):
+    """Return the weights of cubic convolution at distances t: quadratics are kept, so no variance is added.
 
-    Each point is shared among the four pixels round it, which spreads it further by f (1 - f) per axis; the points
-    move inwards until the sum is right.
+    Source: R. G. Keys, "Cubic convolution interpolation for digital image processing" (1981), a = -1/2.
     """
-    low, high = 0.0, 1.0
-    for _ in range(BISECTIONS):
-        scale = (low + high) / 2
-        too_small = _shared_variance(scale * x) + _shared_variance(scale * y) < variance
-        low, high = (scale, high) if too_small else (low, scale)
-    x, y = scale * x, scale * y
-    reach_x, reach_y = int(np.abs(x).max()) + 1, int(np.abs(y).max()) + 1
-    kernel = np.zeros((2 * reach_y + 1, 2 * reach_x + 1))
-    i, j = np.floor(y).astype(int), np.floor(x).astype(int)
-    fy, fx = y - i, x - j
-    for di, wy in ((0, 1 - fy), (1, fy)):
-        for dj, wx in ((0, 1 - fx), (1, fx)):
-            inside = wy * wx > 0
-            np.add.at(kernel, (i[inside] + di + reach_y, j[inside] + dj + reach_x), (wy * wx)[inside])
-    return kernel / len(x)
+    t = np.abs(t)
+    near, far = 1.5 * t**3 - 2.5 * t**2 + 1, -0.5 * t**3 + 2.5 * t**2 - 4 * t + 2
+    return np.where(t < 1, near, np.where(t < 2, far, 0.0))
 
 
-def _shared_variance(x):
-    """Return the variance about 0 of points that are shared linearly between two pixels."""
-    f = x - np.floor(x)
-    return float(np.mean(x * x + f * (1 - f)))
+def spread_points(x, y):
+    """Return the kernel (odd, odd) of points (n,) about the origin, each shared among the 4 x 4 pixels round it.
+
+    A render's pixels hold edges sharper than any kernel can move: about 1 % of an edge's contrast stays wrong.
+    """
+    reach_x, reach_y = int(np.ceil(np.abs(x).max())) + 2, int(np.ceil(np.abs(y).max())) + 2
+    across = keys_weights(np.arange(-reach_x, reach_x + 1) - x[:, None])
+    down = keys_weights(np.arange(-reach_y, reach_y + 1) - y[:, None])
+    kernel = down.T @ across
+    return kernel / kernel.sum()
 
 
 @functools.lru_cache(maxsize=64)
@@ -105,8 +97,9 @@ def disc_kernel(sigma_px):
     t = (np.arange(PIECES_PER_DISC) + 0.5) / PIECES_PER_DISC * 2 - 1
     x, y = (a.ravel() for a in np.meshgrid(t, t))
     inside = x * x + y * y <= 1
-    x, y = 2 * sigma_px * x[inside], 2 * sigma_px * y[inside]
-    return spread_points(x, y, 2 * sigma_px**2)
+    x, y = x[inside], y[inside]
+    scale = sigma_px * np.sqrt(2 / np.mean(x * x + y * y))
+    return spread_points(scale * x, scale * y)
 
 
 def disc(image, sigma_px):

@@ -18,11 +18,11 @@ PARAMETERS = {
 
 
 def smear_kernel(dx, dy):
-    """Return the point spread function (odd, odd) of a smear: points along it, shared among four pixels."""
+    """Return the point spread function (odd, odd) of a smear: points along it."""
     length = np.hypot(dx, dy)
     n = 64 + int(PIECES_PER_PX * length)
     t = (np.arange(n) + 0.5) / n - 0.5
-    return spread_points(t * dx, t * dy, length**2 / 12)
+    return spread_points(t * dx, t * dy)
 
 
 def apply(image, view, p, rng):

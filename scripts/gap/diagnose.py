@@ -22,7 +22,8 @@ MOST_STATIONS = 0.7  # share of held-out stations that must not lose: a highligh
 LEAST_LOSS = 3.0  # a station loses that loses more than this, or than 2 % of the whole gain
 LEAST_GAIN = 25.0  # and the least gain in loss that is worth a name
 LEAST_SHARE = 0.25  # of what is left above the floor, that a candidate must gain: less is a patch on a wrong form
-CLOSED = 0.1  # share of the first excess up to which the climb has closed the gap, though above the floor
+CLOSED = 0.2  # share of the first excess up to which the climb has closed the gap, though above the floor
+HARDLY_CLOSED = 0.6  # share above which what helped a little gets no name
 LEAST_PROMISE = 12.0  # first-order gain in training loss below which an effect is not fitted
 # Floors come from trials; they differ by more only where the twin is still wrong
 SMALLEST_FLOOR = {"corners": 0.25, "edges": 0.25, "levels": 0.5, "colour": 0.5, "field": 0.5, "noise": 0.5}
@@ -218,6 +219,11 @@ class Diagnosis:
         self._score_base()
         return fit
 
+    def rebase(self, effects, poses):
+        """Take up a base that was fitted before."""
+        self.effects, self.poses = effects, poses
+        self._score_base()
+
     def _score_base(self):
         self.poses, self.base_groups = self.fitter.score(self.effects, self.poses, self.test)
         _, train_groups = self.fitter.score(self.effects, self.poses, self.train)
@@ -241,10 +247,8 @@ class Diagnosis:
 
     def restore(self, record):
         """Take up the base that an earlier job fitted: effects, poses, and which effects the user fixed."""
-        self.effects = [(n, p) for n, p in record["effects"]]
-        self.fixed = {n for n, _ in self.effects} - {key.split(".")[0] for key in record["errors"]}
-        self.poses = np.array(record["poses"])
-        self._score_base()
+        self.fixed = {n for n, _ in record["effects"]} - {key.split(".")[0] for key in record["errors"]}
+        self.rebase([(n, p) for n, p in record["effects"]], np.array(record["poses"]))
 
     def promise(self, effect):
         """Return the training loss that an effect could gain, to first order, from the best of its starts.
@@ -446,6 +450,21 @@ def climb(diagnosis, first, most_steps=6, progress=None):
         promises = diagnosis.promises()
         candidates = rank([diagnosis.try_promised(e, promises, TRIED_AGAIN) for e in promises])
     return steps, candidates
+
+
+def conclude(diagnosis, first, most_steps=6, progress=None):
+    """Climb from the base; return (steps, last candidates, verdict, share of the first excess that is left).
+
+    Where most of the gap stays, what helped is a patch on something else: it gets no name, and the base is restored.
+    """
+    effects, poses, excess = diagnosis.effects, diagnosis.poses, max(diagnosis.excess, 1.0)
+    steps, left = climb(diagnosis, first, most_steps, progress)
+    share = diagnosis.excess / excess
+    verdict = verdict_of(steps, diagnosis.base_gap, diagnosis.base_gap_se, share)
+    if steps and verdict == "unexplained" and share > HARDLY_CLOSED:
+        diagnosis.rebase(effects, poses)
+        steps, left, share = [], rank(first), 1.0
+    return steps, left, verdict, share
 
 
 def unneeded(diagnosis, names):

@@ -18,7 +18,7 @@ import job
 from case_files import load_case, read_capture
 from diagnose_camera import ranked, step_records
 from expand_tables import expand_tables
-from gap.diagnose import Diagnosis, climb, group_gaps, verdict_of
+from gap.diagnose import Diagnosis, conclude, group_gaps
 from register_captures import register_captures
 from try_effect import clean
 
@@ -42,17 +42,17 @@ def diagnose_camera(campaign, camera, scratch):
     if not diagnosis.is_usable():
         return {"camera": camera, "verdict": "unexplained", "why": diagnosis.why_unusable(), "steps": [], "gap": None}
     diagnosis.set_base([])
-    first, gap, excess = diagnosis.base_groups, diagnosis.base_gap, max(diagnosis.excess, 1.0)
+    first, gap = diagnosis.base_groups, diagnosis.base_gap
     promises = diagnosis.promises()
     candidates = [diagnosis.try_promised(name, promises) for name in diagnosis.candidates]
-    steps, left = climb(diagnosis, candidates)
+    steps, left, verdict, share_left = conclude(diagnosis, candidates)
     return {
         "camera": camera,
-        "verdict": verdict_of(steps, diagnosis.base_gap, diagnosis.base_gap_se, diagnosis.excess / excess),
+        "verdict": verdict,
         "gap_as_configured": gap,
         "gap": diagnosis.base_gap,
         "gap_se": diagnosis.base_gap_se,
-        "share_left": diagnosis.excess / excess,
+        "share_left": share_left,
         "groups": group_gaps(diagnosis.base_groups, diagnosis.floors),
         "steps": step_records(steps, first, diagnosis.floors),
         "candidates": ranked(candidates, diagnosis, diagnosis.floors)[:6],

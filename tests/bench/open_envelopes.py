@@ -151,7 +151,7 @@ def draw_confusion(table, path):
     figure, axes = plt.subplots(figsize=size, layout="constrained")
     shown = table.div(table.sum(axis=1), axis=0)
     sns.heatmap(
-        shown, annot=table.where(table > 0).fillna("").astype(str).replace(r"\.0$", "", regex=True), fmt="",
+        shown, annot=table.astype(str).where(table > 0, ""), fmt="",
         cmap="Blues", cbar=False, linewidths=0.3, ax=axes, vmin=0, vmax=1,
     )  # fmt: skip
     axes.set(xlabel="named first", ylabel="hidden", title="Was the hidden effect named? (number of trials)")
