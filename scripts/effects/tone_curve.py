@@ -34,4 +34,4 @@ def apply(image, view, p, rng):
     at = np.clip(image, 0, 255) * np.float32(STEPS / 255)
     table = curve(p).astype(np.float32)
     low = np.minimum(at.astype(np.int32), STEPS - 1)
-    return table[low] + (at - low) * (table[low + 1] - table[low])
+    return table[low] + (at - low.astype(np.float32)) * (table[low + 1] - table[low])

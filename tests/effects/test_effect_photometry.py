@@ -172,3 +172,12 @@ def test_colour_only_where_there_is_colour():
     assert warm.shape == (140, 200, 3)
     assert warm[0, 0, 0] == pytest.approx(float(encoding.encode(np.float32([0.36]), "srgb")[0]), abs=0.01)
     assert warm[0, 0, 1] == warm[0, 0, 2]
+
+
+@pytest.mark.parametrize("name", [n for n, m in FOUND.items() if hasattr(m, "apply")])
+def test_images_stay_single_precision(name):
+    """The next effect's filter may take no other: OpenCV's bilateral filter ends with an error."""
+    v = view()
+    starts = {k: p.starts[0] + 0.01 for k, p in FOUND[name].PARAMETERS.items()}
+    out = FOUND[name].apply(np.repeat(noise_image(1, v)[..., None], 3, 2), v, starts, np.random.default_rng(1))
+    assert out.dtype == np.float32
