@@ -179,7 +179,5 @@ def test_images_stay_single_precision(name):
     """The next effect's filter may take no other: OpenCV's bilateral filter ends with an error."""
     v = view()
     starts = {k: p.starts[0] + 0.01 for k, p in FOUND[name].PARAMETERS.items()}
-    out = FOUND[name].apply(
-        np.repeat(np.float32(noise_image(1, v))[..., None], 3, 2), v, starts, np.random.default_rng(1)
-    )
+    out = FOUND[name].apply(noise_image(3, v), v, starts, np.random.default_rng(1))
     assert out.dtype == np.float32
