@@ -22,6 +22,7 @@ MOST_STATIONS = 0.7  # share of held-out stations that must not lose: a highligh
 LEAST_LOSS = 3.0  # a station loses that loses more than this, or than 2 % of the whole gain
 LEAST_GAIN = 25.0  # and the least gain in loss that is worth a name
 LEAST_SHARE = 0.25  # of what is left above the floor, that a candidate must gain: less is a patch on a wrong form
+MOST_OF_A_GROUP = 0.6  # of the excess of one group of observables, that is enough as well
 CLOSED = 0.2  # share of the first excess up to which the climb has closed the gap, though above the floor
 HARDLY_CLOSED = 0.6  # share above which what helped a little gets no name
 LEAST_PROMISE = 12.0  # first-order gain in training loss below which an effect is not fitted
@@ -48,6 +49,7 @@ class Candidate:
     gain_se: float = 0.0
     stations_gaining: float = 0.0
     matters: bool = False
+    group_gains: dict = field(default_factory=dict)
     state: State = field(default=None, repr=False)
 
     def as_record(self):
@@ -75,7 +77,7 @@ class Candidate:
 
 RECORDED = (
     "effect", "parameters", "errors", "losses", "gap", "gap_se", "groups", "converged", "gain", "gain_se",
-    "stations_gaining", "matters",
+    "stations_gaining", "matters", "group_gains",
 )  # fmt: skip
 
 
@@ -317,6 +319,8 @@ class Diagnosis:
         )  # fmt: skip
         candidate.gain = float(gains.sum())
         candidate.stations_gaining = float((gains > -LEAST_LOSS - 0.02 * gains.sum()).mean()) if len(gains) else 0.0
+        before, after = group_losses(self.base_groups), group_losses(groups)
+        candidate.group_gains = {name: before[name] - after[name] for name in before}
         candidate.gain_se = float(np.sqrt(len(gains)) * gains.std(ddof=1)) if len(gains) > 1 else float("nan")
         candidate.matters = any(
             abs(values[k] - p.null) > max(p.matters, 2 * errors[k])
@@ -341,12 +345,18 @@ class Diagnosis:
         return self.set_base(self.effects, self.free())
 
 
+def group_losses(groups):
+    """Return {group: loss} over captures."""
+    names = sorted({name for g in groups.values() for name in g})
+    return {n: float(sum(rho(g[n]).sum() for g in groups.values() if n in g)) for n in names}
+
+
 def excess_of(groups, floors):
-    """Return the loss above what repeats of a station would show."""
-    expected = sum(
-        RHO_NOISE * values.size * floors.get(name, 1.0) ** 2 for g in groups.values() for name, values in g.items()
-    )
-    return max(sum(losses_of(groups).values()) - expected, 0.0)
+    """Return {group: loss above what repeats of a station would show}, none below 0."""
+    sizes = {n: sum(g[n].size for g in groups.values() if n in g) for n in group_losses(groups)}
+    return {
+        n: max(loss - RHO_NOISE * sizes[n] * floors.get(n, 1.0) ** 2, 0.0) for n, loss in group_losses(groups).items()
+    }
 
 
 def is_promising(effect, promises, most=TRIED):
@@ -376,12 +386,15 @@ def rank(candidates):
 
 
 def is_missing(candidate, excess):
-    """Return whether a candidate's held-out gain is more than chance and a good share of the excess, and matters."""
-    return bool(
-        candidate.matters
-        and candidate.gain > max(LEAST_GAIN + 2 * len(candidate.parameters), LEAST_SHARE * excess)
-        and candidate.stations_gaining >= MOST_STATIONS
+    """Return whether a candidate's held-out gain is more than chance, on most stations, matters, and closes enough.
+
+    Enough is a good share of all that is left, or most of what is left in one group of observables (``excess``).
+    """
+    least = LEAST_GAIN + 2 * len(candidate.parameters)
+    closes = candidate.gain > LEAST_SHARE * sum(excess.values()) or any(
+        gain > max(least, MOST_OF_A_GROUP * excess[name]) for name, gain in candidate.group_gains.items()
     )
+    return bool(candidate.matters and candidate.gain > least and candidate.stations_gaining >= MOST_STATIONS and closes)
 
 
 def effect_parameters(effect):
@@ -457,9 +470,9 @@ def conclude(diagnosis, first, most_steps=6, progress=None):
 
     Where most of the gap stays, what helped is a patch on something else: it gets no name, and the base is restored.
     """
-    effects, poses, excess = diagnosis.effects, diagnosis.poses, max(diagnosis.excess, 1.0)
+    effects, poses, excess = diagnosis.effects, diagnosis.poses, max(sum(diagnosis.excess.values()), 1.0)
     steps, left = climb(diagnosis, first, most_steps, progress)
-    share = diagnosis.excess / excess
+    share = sum(diagnosis.excess.values()) / excess
     verdict = verdict_of(steps, diagnosis.base_gap, diagnosis.base_gap_se, share)
     if steps and verdict == "unexplained" and share > HARDLY_CLOSED:
         diagnosis.rebase(effects, poses)
