@@ -3,7 +3,6 @@
 import json
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pandas as pd
 
@@ -12,6 +11,7 @@ from gap.case import MARGIN_PX, Capture, Case, encoding_table
 from gap.observe import Codes, Observation, read_rgb
 from rig.errors import InputError
 from rig.geometry import camera_matrix, make_pose
+from rig.images import read_image
 from rig.scene import load_scene
 
 OBSERVED = (
@@ -75,10 +75,7 @@ def load_case(expand, register_json, camera):
 
 def read_capture(campaign, image):
     """Return an image (H, W, C) of grey levels, float32, red first; raises InputError where it can't be read."""
-    path = Path(campaign) / image
-    pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    if pixels is None:
-        raise InputError(f"{path}: not an image that OpenCV reads")
+    pixels = read_image(Path(campaign) / image)
     return read_rgb(pixels[..., :3] if pixels.ndim == 3 else pixels)
 
 

@@ -13,7 +13,7 @@ from job import seed_of
 
 STAGE, ORDER = "sensor", 15
 PARAMETERS = {
-    "prnu": Parameter("1", 0.0, 0.2, 0.0, (0.01, 0.0, 0.01), 0.002, "standard deviation of the pixels' gains"),
+    "prnu": Parameter("1", 0.0, 0.2, 0.0, (0.01, 0.0, 0.01), 0.005, "standard deviation of the pixels' gains"),
     "column_offset_dn": Parameter("dn", 0.0, 20.0, 0.0, (0.0, 1.0, 1.0), 0.1, "of the columns' offsets, linear levels"),
 }
 

@@ -48,9 +48,7 @@ class Capture:
     view: object
     trial: int
     observation: object = None
-    starts: np.ndarray = None
     noise_variance: float = 1.0
-    green: np.ndarray = None
 
 
 @dataclass
@@ -161,7 +159,6 @@ class Case:
         wanted = wholly_inside(starts, capture.view.width, capture.view.height)
         wanted &= np.nan_to_num(code_sides_px(starts)) >= SMALLEST_SIDE_PX
         capture.observation = observe(image, starts, outlines, wanted, capture.view, self.codes, COARSE_TO_FINE)
-        capture.green = np.ascontiguousarray(image[..., min(1, image.shape[2] - 1)], np.float32)
         grey_structure = observe_noise(image.mean(axis=2, keepdims=True), capture.observation.classes)[0]
         capture.noise_variance = float(np.exp(np.nanmin(np.append(grey_structure[:4], np.log(4.0)))))
         capture.noise_variance = max(capture.noise_variance, 0.05)

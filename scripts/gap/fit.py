@@ -20,7 +20,6 @@ FEATURE_FLOOR = np.array([0.006] * 8 + [0.15] * 3 + [0.15] * 2 + [0.012] * 3 + [
 COLOUR_FLOOR = np.array([0.15, 0.15, 0.15, 0.006, 0.006] * 2)
 FIELD_FLOOR_DN = 0.12
 NOISE_FLOOR = 0.02
-PATTERN_FLOOR = 0.002
 LOST_PLATE = 6.0  # whitened residual charged per feature of a plate that only the real image shows
 GROUPS = ("corners", "levels", "edges", "colour", "field", "noise", "pose")
 POSE_STEP = np.array([1e-5] * 3 + [1e-5] * 3)
