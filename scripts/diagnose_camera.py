@@ -104,7 +104,8 @@ def diagnose_camera(
     candidates, skipped = candidate_records(candidate_files, diagnosis)
     diagnosis.candidates = [c.effect for c in candidates]
     start_effects, start_poses, start_groups = list(diagnosis.effects), diagnosis.poses, diagnosis.base_groups
-    steps, left, verdict, _ = conclude(diagnosis, candidates, most_steps, lambda e: log.info("%s: + %s", camera, e))
+    found = conclude(diagnosis, candidates, most_steps, lambda e: log.info("%s: + %s", camera, e))
+    steps, left, verdict = found.steps, found.left, found.verdict
     floors, gap, gap_se = diagnosis.floors, diagnosis.base_gap, diagnosis.base_gap_se
     everything = sorted(diagnosis.train + diagnosis.test)
     first = tables_of(diagnosis, start_effects, start_poses, everything)

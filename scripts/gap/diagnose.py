@@ -24,6 +24,9 @@ LEAST_GAIN = 25.0  # and the least gain in loss that is worth a name
 LEAST_SHARE = 0.25  # of what is left above the floor, that a candidate must gain: less is a patch on a wrong form
 MOST_OF_A_GROUP = 0.6  # of the excess of one group of observables, that is enough as well
 CLOSED = 0.2  # share of the first excess up to which the climb has closed the gap, though above the floor
+CLOSED_WELL = 0.05  # share up to which nothing that can mimic anything is called in
+MANY_PARAMETERS = 12
+FIRST_STEPS = 3  # that are tried one after the other, until one climb closes the gap well
 HARDLY_CLOSED = 0.6  # share above which what helped a little gets no name
 LEAST_PROMISE = 12.0  # first-order gain in training loss below which an effect is not fitted
 # Floors come from trials; they differ by more only where the twin is still wrong
@@ -269,9 +272,10 @@ class Diagnosis:
         gain = float(g @ np.linalg.lstsq(H + 1e-6 * np.eye(len(g)), g, rcond=None)[0])
         return gain * len(self.train) / max(len(indices), 1)
 
-    def promises(self):
-        """Return {effect: promise} of all candidates that the base has not."""
-        return {name: self.promise(name) for name in self.candidates if name not in dict(self.effects)}
+    def promises(self, names=None):
+        """Return {effect: promise} of candidates (all, or some names) that the base has not."""
+        names = self.candidates if names is None else names
+        return {name: self.promise(name) for name in names if name not in dict(self.effects)}
 
     def try_promised(self, effect, promises, most=TRIED):
         """Return the Candidate of an effect: fitted where it is among the ``most`` promising, else at its null."""
@@ -428,17 +432,20 @@ def confused_with(best, candidates, case):
     return names
 
 
-def climb(diagnosis, first, most_steps=6, progress=None):
+def climb(diagnosis, first, most_steps=6, progress=None, start_with=None):
     """Add the best candidate, refit, try all others again, until none is missing; return (steps, last candidates).
 
-    ``first`` are the candidates of the base. An earlier effect that the refitted twin no longer needs is dropped.
+    ``start_with`` names the effect of the first step, the best where None.
+
+    ``first`` are the candidates of the base, and their effects those that compete. An earlier effect that the refitted
+    twin no longer needs is dropped.
     """
     steps, candidates = [], rank(first)
     while len(steps) < most_steps:
         missing = [c for c in candidates if is_missing(c, diagnosis.excess)]
         if not missing:
             break
-        best = missing[0]
+        best = next((c for c in missing if c.effect == start_with and not steps), missing[0])
         confused = confused_with(best, candidates, diagnosis.case)
         fit = diagnosis.adopt(best)
         for name in unneeded(
@@ -460,24 +467,67 @@ def climb(diagnosis, first, most_steps=6, progress=None):
         )
         if progress:
             progress(best.effect)
-        promises = diagnosis.promises()
+        promises = diagnosis.promises([c.effect for c in first])
         candidates = rank([diagnosis.try_promised(e, promises, TRIED_AGAIN) for e in promises])
     return steps, candidates
 
 
-def conclude(diagnosis, first, most_steps=6, progress=None):
-    """Climb from the base; return (steps, last candidates, verdict, share of the first excess that is left).
+@dataclass
+class Outcome:
+    """Where a climb ended: its steps, the candidates that were left, the verdict and the base it reached."""
 
-    Where most of the gap stays, what helped is a patch on something else: it gets no name, and the base is restored.
-    """
-    effects, poses, excess = diagnosis.effects, diagnosis.poses, max(sum(diagnosis.excess.values()), 1.0)
-    steps, left = climb(diagnosis, first, most_steps, progress)
+    steps: list
+    left: list
+    verdict: str
+    share_left: float
+    effects: list
+    poses: np.ndarray
+
+
+def climbed(diagnosis, first, excess, most_steps, progress, start_with=None):
+    """Return the Outcome of a climb from the base; ``excess`` is the first one, in loss."""
+    steps, left = climb(diagnosis, first, most_steps, progress, start_with)
     share = sum(diagnosis.excess.values()) / excess
     verdict = verdict_of(steps, diagnosis.base_gap, diagnosis.base_gap_se, share)
-    if steps and verdict == "unexplained" and share > HARDLY_CLOSED:
-        diagnosis.rebase(effects, poses)
-        steps, left, share = [], rank(first), 1.0
-    return steps, left, verdict, share
+    return Outcome(steps, left, verdict, share, diagnosis.effects, diagnosis.poses)
+
+
+def conclude(diagnosis, first, most_steps=6, progress=None):
+    """Climb from the base, leave the diagnosis at what was found, and return the Outcome.
+
+    The best first step is not always on the best way: where it leaves a gap, the next best ones are tried as well.
+    What can mimic anything of its kind, a warp of many control points, competes only where the others leave a gap.
+    Where most of the gap stays, what helped is a patch on something else: it gets no name, and the base is restored.
+    """
+    start = Outcome([], rank(first), "unexplained", 1.0, diagnosis.effects, diagnosis.poses)
+    excess = max(sum(diagnosis.excess.values()), 1.0)
+    flexible = [c for c in first if len(c.parameters) > MANY_PARAMETERS]
+    wanted = any(is_missing(c, diagnosis.excess) for c in flexible)
+    rigid = [c for c in first if c not in flexible]
+    ways = [c.effect for c in rank(rigid) if is_missing(c, diagnosis.excess)][:FIRST_STEPS]
+    best = climbed(diagnosis, rigid, excess, most_steps, progress)
+    for way in ways[1:]:
+        if best.share_left <= CLOSED_WELL:
+            break
+        diagnosis.rebase(start.effects, start.poses)
+        best = better(best, climbed(diagnosis, rigid, excess, most_steps, progress, way))
+    diagnosis.rebase(best.effects, best.poses)
+    if best.share_left > CLOSED_WELL and (wanted or any(_still_missing(diagnosis, c.effect) for c in flexible)):
+        diagnosis.rebase(start.effects, start.poses)
+        best = better(best, climbed(diagnosis, first, excess, most_steps, progress))
+    if best.steps and best.verdict == "unexplained" and best.share_left > HARDLY_CLOSED:
+        best = start
+    diagnosis.rebase(best.effects, best.poses)
+    return best
+
+
+def better(outcome, other):
+    """Return the other outcome where it leaves less than half as much: the way of the best steps has the benefit."""
+    return other if other.share_left < 0.5 * outcome.share_left else outcome
+
+
+def _still_missing(diagnosis, effect):
+    return diagnosis.promise(effect) >= LEAST_PROMISE and is_missing(diagnosis.try_effect(effect), diagnosis.excess)
 
 
 def unneeded(diagnosis, names):

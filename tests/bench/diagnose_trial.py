@@ -45,18 +45,18 @@ def diagnose_camera(campaign, camera, scratch):
     first, gap = diagnosis.base_groups, diagnosis.base_gap
     promises = diagnosis.promises()
     candidates = [diagnosis.try_promised(name, promises) for name in diagnosis.candidates]
-    steps, left, verdict, share_left = conclude(diagnosis, candidates)
+    found = conclude(diagnosis, candidates)
     return {
         "camera": camera,
-        "verdict": verdict,
+        "verdict": found.verdict,
         "gap_as_configured": gap,
         "gap": diagnosis.base_gap,
         "gap_se": diagnosis.base_gap_se,
-        "share_left": share_left,
+        "share_left": found.share_left,
         "groups": group_gaps(diagnosis.base_groups, diagnosis.floors),
-        "steps": step_records(steps, first, diagnosis.floors),
+        "steps": step_records(found.steps, first, diagnosis.floors),
         "candidates": ranked(candidates, diagnosis, diagnosis.floors)[:6],
-        "candidates_left": ranked(left, diagnosis, diagnosis.floors)[:4],
+        "candidates_left": ranked(found.left, diagnosis, diagnosis.floors)[:4],
         "promises": promises,
         "floor": diagnosis.floors,
         "seconds": time.perf_counter() - start,
