@@ -24,7 +24,6 @@ LEAST_GAIN = 25.0  # and the least gain in loss that is worth a name
 LEAST_SHARE = 0.25  # of what is left above the floor, that a candidate must gain: less is a patch on a wrong form
 MOST_OF_A_GROUP = 0.6  # of the excess of one group of observables, that is enough as well
 CLOSED = 0.2  # share of the first excess up to which the climb has closed the gap, though above the floor
-CLOSED_WELL = 0.05  # share up to which nothing that can mimic anything is called in
 MANY_PARAMETERS = 12
 FIRST_STEPS = 3  # that are tried one after the other, until one climb closes the gap well
 HARDLY_CLOSED = 0.6  # share above which what helped a little gets no name
@@ -507,12 +506,12 @@ def conclude(diagnosis, first, most_steps=6, progress=None):
     ways = [c.effect for c in rank(rigid) if is_missing(c, diagnosis.excess)][:FIRST_STEPS]
     best = climbed(diagnosis, rigid, excess, most_steps, progress)
     for way in ways[1:]:
-        if best.share_left <= CLOSED_WELL:
+        if best.verdict != "unexplained":
             break
         diagnosis.rebase(start.effects, start.poses)
         best = better(best, climbed(diagnosis, rigid, excess, most_steps, progress, way))
     diagnosis.rebase(best.effects, best.poses)
-    if best.share_left > CLOSED_WELL and (wanted or any(_still_missing(diagnosis, c.effect) for c in flexible)):
+    if best.verdict == "unexplained" and (wanted or any(_still_missing(diagnosis, c.effect) for c in flexible)):
         diagnosis.rebase(start.effects, start.poses)
         best = better(best, climbed(diagnosis, first, excess, most_steps, progress))
     if best.steps and best.verdict == "unexplained" and best.share_left > HARDLY_CLOSED:
