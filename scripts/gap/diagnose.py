@@ -21,7 +21,7 @@ TRIED_AGAIN = 4  # the same in later steps of a climb
 MOST_STATIONS = 0.7  # share of held-out stations that must not lose: a highlight is not seen from everywhere
 LEAST_LOSS = 3.0  # a station loses that loses more than this, or than 2 % of the whole gain
 LEAST_GAIN = 25.0  # and the least gain in loss that is worth a name
-LEAST_SHARE = 0.25  # of what is left above the floor, that a candidate must gain: less is a patch on a wrong form
+LEAST_SHARE = 0.15  # of what is left above the floor, that a candidate must gain: less is a patch on a wrong form
 MOST_OF_A_GROUP = 0.6  # of the excess of one group of observables, that is enough as well
 CLOSED = 0.2  # share of the first excess up to which the climb has closed the gap, though above the floor
 MANY_PARAMETERS = 12
@@ -393,11 +393,19 @@ def is_missing(candidate, excess):
 
     Enough is a good share of all that is left, or most of what is left in one group of observables (``excess``).
     """
-    least = LEAST_GAIN + 2 * len(candidate.parameters)
-    closes = candidate.gain > LEAST_SHARE * sum(excess.values()) or any(
-        gain > max(least, MOST_OF_A_GROUP * excess[name]) for name, gain in candidate.group_gains.items()
+    enough = candidate.gain > LEAST_SHARE * sum(excess.values()) or closes_a_group(candidate, excess)
+    return bool(
+        enough
+        and candidate.matters
+        and candidate.gain > LEAST_GAIN + 2 * len(candidate.parameters)
+        and candidate.stations_gaining >= MOST_STATIONS
     )
-    return bool(candidate.matters and candidate.gain > least and candidate.stations_gaining >= MOST_STATIONS and closes)
+
+
+def closes_a_group(candidate, excess):
+    """Return whether most of what is left in one group of observables is gained."""
+    least = LEAST_GAIN + 2 * len(candidate.parameters)
+    return any(gain > max(least, MOST_OF_A_GROUP * excess[name]) for name, gain in candidate.group_gains.items())
 
 
 def effect_parameters(effect):
@@ -416,6 +424,7 @@ class Step:
     confused_with: list
     groups: dict
     poses: np.ndarray
+    closes_a_group: bool
 
 
 def confused_with(best, candidates, case):
@@ -446,6 +455,7 @@ def climb(diagnosis, first, most_steps=6, progress=None, start_with=None):
             break
         best = next((c for c in missing if c.effect == start_with and not steps), missing[0])
         confused = confused_with(best, candidates, diagnosis.case)
+        closed = closes_a_group(best, diagnosis.excess)
         fit = diagnosis.adopt(best)
         for name in unneeded(
             diagnosis, [n for n, _ in diagnosis.effects if n != best.effect and n not in diagnosis.fixed]
@@ -462,6 +472,7 @@ def climb(diagnosis, first, most_steps=6, progress=None, start_with=None):
                 confused,
                 diagnosis.base_groups,
                 diagnosis.poses,
+                closed,
             )
         )
         if progress:
@@ -496,7 +507,8 @@ def conclude(diagnosis, first, most_steps=6, progress=None):
 
     The best first step is not always on the best way: where it leaves a gap, the next best ones are tried as well.
     What can mimic anything of its kind, a warp of many control points, competes only where the others leave a gap.
-    Where most of the gap stays, what helped is a patch on something else: it gets no name, and the base is restored.
+    Where most of the gap stays, and no group of observables was closed, what helped is a patch on something else: it
+    gets no name, and the base is restored.
     """
     start = Outcome([], rank(first), "unexplained", 1.0, diagnosis.effects, diagnosis.poses)
     excess = max(sum(diagnosis.excess.values()), 1.0)
@@ -514,7 +526,8 @@ def conclude(diagnosis, first, most_steps=6, progress=None):
     if best.verdict == "unexplained" and (wanted or any(_still_missing(diagnosis, c.effect) for c in flexible)):
         diagnosis.rebase(start.effects, start.poses)
         best = better(best, climbed(diagnosis, first, excess, most_steps, progress))
-    if best.steps and best.verdict == "unexplained" and best.share_left > HARDLY_CLOSED:
+    patched = best.share_left > HARDLY_CLOSED and not any(s.closes_a_group for s in best.steps)
+    if best.steps and best.verdict == "unexplained" and patched:
         best = start
     diagnosis.rebase(best.effects, best.poses)
     return best

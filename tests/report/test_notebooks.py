@@ -21,7 +21,8 @@ def test_notebook_has_one_parameters_cell(path):
     cells = json.loads(path.read_text())["cells"]
     tagged = [cell for cell in cells if "parameters" in cell["metadata"].get("tags", [])]
     assert len(tagged) == 1
-    for name in ("results", "project", "campaign"):
+    input_of_the_run = "experiment" if path.stem == "moving" else "campaign"
+    for name in ("results", "project", input_of_the_run):
         assert f"{name} = " in "".join(tagged[0]["source"])
 
 
