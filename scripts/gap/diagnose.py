@@ -440,15 +440,15 @@ def confused_with(best, candidates, case):
     return names
 
 
-def climb(diagnosis, first, most_steps=6, progress=None, start_with=None):
+def climb(diagnosis, first, most_steps=6, progress=None, start_with=None, taken=()):
     """Add the best candidate, refit, try all others again, until none is missing; return (steps, last candidates).
 
-    ``start_with`` names the effect of the first step, the best where None.
+    ``start_with`` names the effect of the first step, the best where None; ``taken`` are steps that led to the base.
 
     ``first`` are the candidates of the base, and their effects those that compete. An earlier effect that the refitted
     twin no longer needs is dropped.
     """
-    steps, candidates = [], rank(first)
+    steps, candidates = list(taken), rank(first)
     while len(steps) < most_steps:
         missing = [c for c in candidates if is_missing(c, diagnosis.excess)]
         if not missing:
@@ -494,9 +494,9 @@ class Outcome:
     poses: np.ndarray
 
 
-def climbed(diagnosis, first, excess, most_steps, progress, start_with=None):
+def climbed(diagnosis, first, excess, most_steps, progress, start_with=None, taken=()):
     """Return the Outcome of a climb from the base; ``excess`` is the first one, in loss."""
-    steps, left = climb(diagnosis, first, most_steps, progress, start_with)
+    steps, left = climb(diagnosis, first, most_steps, progress, start_with, taken)
     share = sum(diagnosis.excess.values()) / excess
     verdict = verdict_of(steps, diagnosis.base_gap, diagnosis.base_gap_se, share)
     return Outcome(steps, left, verdict, share, diagnosis.effects, diagnosis.poses)
@@ -505,27 +505,28 @@ def climbed(diagnosis, first, excess, most_steps, progress, start_with=None):
 def conclude(diagnosis, first, most_steps=6, progress=None):
     """Climb from the base, leave the diagnosis at what was found, and return the Outcome.
 
-    The best first step is not always on the best way: where it leaves a gap, the next best ones are tried as well.
-    What can mimic anything of its kind, a warp of many control points, competes only where the others leave a gap.
+    The best first step is not always on the best way: where it leaves its own group of observables open, the next best
+    ones are tried as well. What can mimic anything of its kind, a warp of many control points, competes only where
+    the others leave a gap.
     Where most of the gap stays, and no group of observables was closed, what helped is a patch on something else: it
     gets no name, and the base is restored.
     """
     start = Outcome([], rank(first), "unexplained", 1.0, diagnosis.effects, diagnosis.poses)
-    excess = max(sum(diagnosis.excess.values()), 1.0)
-    flexible = [c for c in first if len(c.parameters) > MANY_PARAMETERS]
-    wanted = any(is_missing(c, diagnosis.excess) for c in flexible)
-    rigid = [c for c in first if c not in flexible]
-    ways = [c.effect for c in rank(rigid) if is_missing(c, diagnosis.excess)][:FIRST_STEPS]
+    before, excess = diagnosis.excess, max(sum(diagnosis.excess.values()), 1.0)
+    rigid = [c for c in first if len(c.parameters) <= MANY_PARAMETERS]
+    ways = [c for c in rank(rigid) if is_missing(c, before)][:FIRST_STEPS]
     best = climbed(diagnosis, rigid, excess, most_steps, progress)
-    for way in ways[1:]:
+    for way in ways[1:] if ways and _is_open(diagnosis, main_group(ways[0]), before) else []:
         if best.verdict != "unexplained":
             break
         diagnosis.rebase(start.effects, start.poses)
-        best = better(best, climbed(diagnosis, rigid, excess, most_steps, progress, way))
+        best = better(best, climbed(diagnosis, rigid, excess, most_steps, progress, way.effect))
     diagnosis.rebase(best.effects, best.poses)
-    if best.verdict == "unexplained" and (wanted or any(_still_missing(diagnosis, c.effect) for c in flexible)):
-        diagnosis.rebase(start.effects, start.poses)
-        best = better(best, climbed(diagnosis, first, excess, most_steps, progress))
+    if best.verdict == "unexplained":
+        flexible = [c.effect for c in first if len(c.parameters) > MANY_PARAMETERS]
+        tried = [diagnosis.try_effect(e) for e in flexible if diagnosis.promise(e) >= LEAST_PROMISE]
+        further = climbed(diagnosis, tried + best.left, excess, most_steps, progress, taken=best.steps)
+        best = min((best, further), key=lambda o: o.share_left)
     patched = best.share_left > HARDLY_CLOSED and not any(s.closes_a_group for s in best.steps)
     if best.steps and best.verdict == "unexplained" and patched:
         best = start
@@ -538,8 +539,13 @@ def better(outcome, other):
     return other if other.share_left < 0.5 * outcome.share_left else outcome
 
 
-def _still_missing(diagnosis, effect):
-    return diagnosis.promise(effect) >= LEAST_PROMISE and is_missing(diagnosis.try_effect(effect), diagnosis.excess)
+def main_group(candidate):
+    """Return the group of observables in which a candidate gains most."""
+    return max(candidate.group_gains, key=candidate.group_gains.get)
+
+
+def _is_open(diagnosis, group, before):
+    return diagnosis.excess[group] > CLOSED * before[group]
 
 
 def unneeded(diagnosis, names):
