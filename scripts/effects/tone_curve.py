@@ -12,9 +12,9 @@ from effects.base import Parameter
 STAGE, ORDER = "processing", 20
 PARAMETERS = {
     "gamma": Parameter("1", 0.3, 3.0, 1.0, (1.0,), 0.01, "exponent of encoded values"),
-    "contrast": Parameter("1", -1.8, 1.5, 0.0, (0.0,), 0.02, "strength of the S"),
-    "toe_dn": Parameter("dn", -60.0, 60.0, 0.0, (0.0,), 0.5, "lift of the shadows, at a fifth of full scale"),
-    "shoulder_dn": Parameter("dn", -60.0, 60.0, 0.0, (0.0,), 0.5, "lift of the lights, at four fifths"),
+    "contrast": Parameter("1", -1.8, 1.5, 0.0, (0.0,), 0.03, "strength of the S"),
+    "toe_dn": Parameter("dn", -60.0, 60.0, 0.0, (0.0,), 2.0, "lift of the shadows, at a fifth of full scale"),
+    "shoulder_dn": Parameter("dn", -60.0, 60.0, 0.0, (0.0,), 2.0, "lift of the lights, at four fifths"),
 }
 STEPS = 4096
 

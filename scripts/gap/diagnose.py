@@ -326,7 +326,7 @@ class Diagnosis:
         candidate.group_gains = {name: before[name] - after[name] for name in before}
         candidate.gain_se = float(np.sqrt(len(gains)) * gains.std(ddof=1)) if len(gains) > 1 else float("nan")
         candidate.matters = any(
-            abs(values[k] - p.null) > max(p.matters, 2 * errors[k])
+            abs(values[k] - p.null) > max(p.matters, 3 * errors[k])
             for k, p in pipeline.available_effects()[effect].PARAMETERS.items()
         )
         candidate.state = State(fit.state.effects, poses, fit.state.offsets)
