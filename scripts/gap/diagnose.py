@@ -531,6 +531,8 @@ def conclude(diagnosis, first, most_steps=6, progress=None):
     if best.steps and best.verdict == "unexplained" and patched:
         best = start
     diagnosis.rebase(best.effects, best.poses)
+    for step in best.steps:  # what is there beside it is no other name for it
+        step.confused_with = [n for n in step.confused_with if n not in dict(best.effects)]
     return best
 
 
