@@ -16,7 +16,7 @@ from rig.geometry import station_pose
 GAP_GROUPS = ("corners", "levels", "edges", "colour", "field", "noise")
 MOST_CAPTURES = 6  # that are fitted, and as many that are held out
 PROBES = 3  # captures that a candidate's promise is read from
-TRIED = 8  # candidates that are fitted, the most promising; others stay at their null
+TRIED = 6  # candidates that are fitted, the most promising; others stay at their null
 TRIED_AGAIN = 4  # the same in later steps of a climb
 MOST_STATIONS = 0.7  # share of held-out stations that must not lose: a highlight is not seen from everywhere
 LEAST_LOSS = 3.0  # a station loses that loses more than this, or than 2 % of the whole gain
@@ -218,7 +218,7 @@ class Diagnosis:
         self.effects, self.poses = self.fitter.fit_geometry(
             self.effects, geometric, self.poses, offsets, self.train, scale=16.0, iterations=10
         )
-        fit = self.fitter.fit(self.effects, list(free), self.poses, self.train, iterations=10, scale=2.0)
+        fit = self.fitter.fit(self.effects, list(free), self.poses, self.train, iterations=20, scale=2.0)
         self.effects, self.poses = fit.state.effects, fit.state.poses
         self._score_base()
         return fit
@@ -307,7 +307,7 @@ class Diagnosis:
             start_effects = best.state.effects
         else:
             start_effects = self.effects + [(effect, starts[0])]
-        fit = self.fitter.fit(start_effects, free, self.poses, self.train, iterations=7, scale=8.0)
+        fit = self.fitter.fit(start_effects, free, self.poses, self.train, iterations=9, scale=8.0)
         poses, groups = self.fitter.score(fit.state.effects, fit.state.poses, self.test)
         return self._candidate(effect, fit, poses, groups)
 
@@ -506,7 +506,7 @@ def conclude(diagnosis, first, most_steps=6, progress=None):
     """Climb from the base, leave the diagnosis at what was found, and return the Outcome.
 
     The best first step is not always on the best way: where it leaves its own group of observables open, the next best
-    ones are tried as well. What can mimic anything of its kind, a warp of many control points, competes only where
+    ones are tried as well. What can mimic anything of its kind, a warp of many waves, competes only where
     the others leave a gap.
     Where most of the gap stays, and no group of observables was closed, what helped is a patch on something else: it
     gets no name, and the base is restored.

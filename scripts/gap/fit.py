@@ -22,6 +22,7 @@ FIELD_FLOOR_DN = 0.12
 NOISE_FLOOR = 0.02
 LOST_PLATE = 6.0  # whitened residual charged per feature of a plate that only the real image shows
 GROUPS = ("corners", "levels", "edges", "colour", "field", "noise", "pose")
+STILL_FAR = 0.1  # share of its loss above which a step says that the next one gains as well
 POSE_STEP = np.array([1e-5] * 3 + [1e-5] * 3)
 
 
@@ -322,7 +323,8 @@ class Fitter:
             if width == 1.0 and gain < max(1.0, 1e-3 * loss):
                 converged = True
                 break
-            width = max(1.0, width / 3)
+            if gain < STILL_FAR * loss:  # a robust loss hides what is far: come near before narrowing
+                width = max(1.0, width / 3)
         return Fit(State(effects, poses, offsets), total(groups, NU), covariance, converged)
 
     def normal_equations(self, effects, free, poses, predictions, groups, train, nu, step_of=None):
@@ -410,7 +412,7 @@ def width_of(groups):
 
     Robust losses stick when started far away: a fit begins as wide as its residuals and narrows.
     """
-    return max(1.0, float(np.sqrt(np.mean([np.mean(flatten(g) ** 2) for g in groups.values()])) / 2))
+    return max(1.0, float(np.sqrt(np.mean([np.mean(flatten(g) ** 2) for g in groups.values()]))))
 
 
 def total(groups, nu):
