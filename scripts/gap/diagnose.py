@@ -424,7 +424,7 @@ class Step:
     confused_with: list
     groups: dict
     poses: np.ndarray
-    closes_a_group: bool
+    main_group: str
 
 
 def confused_with(best, candidates, case):
@@ -455,7 +455,7 @@ def climb(diagnosis, first, most_steps=6, progress=None, start_with=None, taken=
             break
         best = next((c for c in missing if c.effect == start_with and not steps), missing[0])
         confused = confused_with(best, candidates, diagnosis.case)
-        closed = closes_a_group(best, diagnosis.excess)
+        group = main_group(best)
         fit = diagnosis.adopt(best)
         for name in unneeded(
             diagnosis, [n for n, _ in diagnosis.effects if n != best.effect and n not in diagnosis.fixed]
@@ -472,7 +472,7 @@ def climb(diagnosis, first, most_steps=6, progress=None, start_with=None, taken=
                 confused,
                 diagnosis.base_groups,
                 diagnosis.poses,
-                closed,
+                group,
             )
         )
         if progress:
@@ -508,8 +508,8 @@ def conclude(diagnosis, first, most_steps=6, progress=None):
     The best first step is not always on the best way: where it leaves its own group of observables open, the next best
     ones are tried as well. What can mimic anything of its kind, a warp of many waves, competes only where
     the others leave a gap.
-    Where most of the gap stays, and no group of observables was closed, what helped is a patch on something else: it
-    gets no name, and the base is restored.
+    Where most of the gap stays, and no step closed the group of observables in which it gained most, what helped is a
+    patch on something else: it gets no name, and the base is restored.
     """
     start = Outcome([], rank(first), "unexplained", 1.0, diagnosis.effects, diagnosis.poses)
     before, excess = diagnosis.excess, max(sum(diagnosis.excess.values()), 1.0)
@@ -527,10 +527,11 @@ def conclude(diagnosis, first, most_steps=6, progress=None):
         tried = [diagnosis.try_effect(e) for e in flexible if diagnosis.promise(e) >= LEAST_PROMISE]
         further = climbed(diagnosis, tried + best.left, excess, most_steps, progress, taken=best.steps)
         best = min((best, further), key=lambda o: o.share_left)
-    patched = best.share_left > HARDLY_CLOSED and not any(s.closes_a_group for s in best.steps)
-    if best.steps and best.verdict == "unexplained" and patched:
-        best = start
     diagnosis.rebase(best.effects, best.poses)
+    closed = any(not _is_open(diagnosis, step.main_group, before) for step in best.steps)
+    if best.verdict == "unexplained" and best.share_left > HARDLY_CLOSED and not closed:
+        best = start
+        diagnosis.rebase(best.effects, best.poses)
     for step in best.steps:  # what is there beside it is no other name for it
         step.confused_with = [n for n in step.confused_with if n not in dict(best.effects)]
     return best
