@@ -48,6 +48,7 @@ for stage in (
     "detect",
     "aggregate",
     "diagnose",
+    "compare",
     "report",
     "moving",
     "blind_trials",

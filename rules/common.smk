@@ -275,6 +275,8 @@ DIAGNOSIS = (
     if CAMPAIGN
     else []
 )
+# A campaign of hand-held boards has no plates in whose twin a detector could be tried.
+HAS_MARKERS = bool(CAMPAIGN and not SOURCE.file.target)
 
 
 wildcard_constraints:

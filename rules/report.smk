@@ -7,8 +7,10 @@ Every notebook is a rule of its own with the files that it reads, so that editin
 Another notebook: a rule like those below, and its name in PAGES.
 """
 
-PAGES = ["overview", "tables", "figure3", "figure4"] + (
-    ["diagnosis"] if DIAGNOSIS else []
+PAGES = (
+    ["overview", "tables", "figure3", "figure4"]
+    + (["diagnosis"] if DIAGNOSIS else [])
+    + (["before_after"] if HAS_MARKERS else [])
 )
 
 
@@ -26,6 +28,7 @@ rule run_overview:
         expand(f"{RESULTS}/twin/{{camera}}", camera=CAMERAS),
         scene=f"{RESULTS}/expand/scene.json",
         cells=f"{RESULTS}/aggregate/cells.parquet",
+        table1=f"{RESULTS}/tables/table1.csv",
         notebook="notebooks/overview.ipynb",
         helpers="notebooks/figures.py",
         template="scripts/page_template.html.j2",
@@ -54,6 +57,7 @@ use rule run_overview as run_figure3 with:
         ),
         scene=f"{RESULTS}/expand/scene.json",
         cells=f"{RESULTS}/aggregate/cells.parquet",
+        table1=f"{RESULTS}/tables/table1.csv",
         notebook="notebooks/figure3.ipynb",
         helpers="notebooks/figures.py",
         template="scripts/page_template.html.j2",
@@ -75,6 +79,7 @@ use rule run_figure3 as run_figure4 with:
         ),
         scene=f"{RESULTS}/expand/scene.json",
         cells=f"{RESULTS}/aggregate/cells.parquet",
+        table1=f"{RESULTS}/tables/table1.csv",
         notebook="notebooks/figure4.ipynb",
         helpers="notebooks/figures.py",
         template="scripts/page_template.html.j2",
@@ -123,6 +128,24 @@ use rule run_figure3 as run_diagnosis with:
         f"{RESULTS}/logs/run_diagnosis.log",
     message:
         "Telling what the twins lack"
+
+
+use rule run_figure3 as run_before_after with:
+    input:
+        expand(f"{RESULTS}/compare/{{camera}}.parquet", camera=CAMERAS),
+        expand(f"{RESULTS}/diagnosis/{{camera}}.json", camera=CAMERAS),
+        expand(f"{RESULTS}/tables/{{table}}.csv", table=["before_after", "table1"]),
+        notebook="notebooks/before_after.ipynb",
+        helpers="notebooks/figures.py",
+        template="scripts/page_template.html.j2",
+        code=modules("job.py", "rig/geometry.py", "rig/plates.py"),
+    output:
+        notebook=f"{RESULTS}/notebooks/before_after.ipynb",
+        page=f"{RESULTS}/report/before_after.html",
+    log:
+        f"{RESULTS}/logs/run_before_after.log",
+    message:
+        "Drawing tables and figures before and after"
 
 
 rule write_provenance:

@@ -1,0 +1,60 @@
+"""Compare: Tables 1 and 2 and Figures 3 and 4 before and after: with the ideal twin, and with all that the verdict names.
+
+Needs: the verdicts, registered poses, detections of the real captures. Makes: compare/CAMERA.csv and .parquet,
+tables/before_after.csv. Twins are drawn as the fit draws them, so no Blender job runs.
+"""
+
+
+rule compare_twins:
+    input:
+        scene=f"{RESULTS}/expand/{{camera}}/scene.json",
+        markers=f"{RESULTS}/expand/markers.csv",
+        cameras=f"{RESULTS}/expand/cameras.csv",
+        stations=f"{RESULTS}/expand/stations.csv",
+        captures=f"{RESULTS}/expand/captures.csv",
+        register=f"{RESULTS}/register/{{camera}}.csv",
+        register_json=f"{RESULTS}/register/{{camera}}.json",
+        verdict=f"{RESULTS}/diagnosis/{{camera}}.json",
+        detections=expand(
+            f"{RESULTS}/detect/{{{{camera}}}}/{{detector}}.csv", detector=DETECTORS
+        ),
+        code=modules(
+            "aggregate_detections.py",
+            "detect_captures.py",
+            "make_tables.py",
+            "gap/case.py",
+            "gap/synthesis.py",
+            "rig/metrics.py",
+        ),
+        # A detector's code reruns this through its detections.
+    output:
+        table=f"{RESULTS}/compare/{{camera}}.csv",
+        cells=f"{RESULTS}/compare/{{camera}}.parquet",
+    log:
+        f"{RESULTS}/logs/compare_twins/{{camera}}.log",
+    conda:
+        "../envs/twingap.yaml"
+    params:
+        parameters={name: config["detectors"][name] for name in DETECTORS},
+        seed=config["seed"],
+        pins=locked("opencv-contrib-python-headless", "numpy", "numba", "pandas"),
+    message:
+        "Detecting in the twin of {wildcards.camera} before and after"
+    script:
+        "../scripts/compare_twins.py"
+
+
+rule join_comparisons:
+    input:
+        parts=expand(f"{RESULTS}/compare/{{camera}}.csv", camera=CAMERAS),
+        code=modules("job.py"),
+    output:
+        f"{RESULTS}/tables/before_after.csv",
+    log:
+        f"{RESULTS}/logs/join_comparisons.log",
+    conda:
+        "../envs/twingap.yaml"
+    message:
+        "Joining Table 2 before and after"
+    script:
+        "../scripts/join_comparisons.py"
