@@ -1,4 +1,6 @@
-"""Write what is generated from the models: config/config.default.yaml, config/schema.json, the table in config/README.md."""
+"""Write what is generated from the models: config/config.default.yaml, the schema.json of every folder, the table in
+config/README.md.
+"""
 
 import json
 import sys
@@ -11,8 +13,10 @@ from pydantic import BaseModel
 from job import write_atomically
 from rig.config import Config
 from rig.experiment import CameraSheet, Experiment, RigFile
+from rig.moving_config import MovingExperiment
 
 CONFIG = Path(__file__).resolve().parents[1] / "config"
+MODELS = {"": Config, "experiments": Experiment, "cameras": CameraSheet, "rigs": RigFile, "moving": MovingExperiment}
 START, END = "<!-- generated: keys -->", "<!-- end of generated -->"
 
 
@@ -42,15 +46,9 @@ def default_yaml():
     return "\n".join(lines) + "\n"
 
 
-def schema_json():
-    """Return the JSON schemas of the configuration, experiments, cameras and rigs."""
-    schema = Config.model_json_schema()
-    schema["x-files"] = {
-        "experiments": Experiment.model_json_schema(),
-        "cameras": CameraSheet.model_json_schema(),
-        "rigs": RigFile.model_json_schema(),
-    }
-    return json.dumps(schema, indent=1, sort_keys=True) + "\n"
+def schema_json(model):
+    """Return a model's JSON schema, which editors complete and check with."""
+    return json.dumps(model.model_json_schema(), indent=1, sort_keys=True) + "\n"
 
 
 def _limits(field):
@@ -88,7 +86,7 @@ def generated(config=CONFIG):
     """Return {path: content} of all generated files."""
     return {
         config / "config.default.yaml": default_yaml(),
-        config / "schema.json": schema_json(),
+        **{config / folder / "schema.json": schema_json(model) for folder, model in MODELS.items()},
         config / "README.md": readme((config / "README.md").read_text()),
     }
 

@@ -8,7 +8,9 @@ from rig.errors import InputError
 from rig.safe_yaml import load_yaml
 
 
-@pytest.mark.parametrize("path", sorted(generate_config.generated()), ids=lambda path: path.name)
+@pytest.mark.parametrize(
+    "path", sorted(generate_config.generated()), ids=lambda path: f"{path.parent.name}-{path.name}"
+)
 def test_generated_files_are_in_step_with_the_models(path):
     """Repair: python scripts/generate_config.py"""
     assert path.read_text() == generate_config.generated()[path]
