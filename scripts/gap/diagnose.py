@@ -325,10 +325,7 @@ class Diagnosis:
         before, after = group_losses(self.base_groups), group_losses(groups)
         candidate.group_gains = {name: before[name] - after[name] for name in before}
         candidate.gain_se = float(np.sqrt(len(gains)) * gains.std(ddof=1)) if len(gains) > 1 else float("nan")
-        candidate.matters = any(
-            abs(values[k] - p.null) > max(p.matters, 3 * errors[k])
-            for k, p in pipeline.available_effects()[effect].PARAMETERS.items()
-        )
+        candidate.matters = is_there(effect, values, errors)
         candidate.state = State(fit.state.effects, poses, fit.state.offsets)
         return candidate
 
@@ -383,6 +380,11 @@ def gains_by_station(case, before, after):
     return np.array([stations[s] for s in sorted(stations)])
 
 
+def is_there(effect, values, errors):
+    """Return whether some parameter is farther from its null than is worth naming and than three standard errors."""
+    return any(abs(values[k] - p.null) > max(p.matters, 3 * errors[k]) for k, p in effect_parameters(effect).items())
+
+
 def rank(candidates):
     """Return candidates, best held-out loss first, each parameter charged."""
     return sorted(candidates, key=lambda c: (-(c.gain - 2 * len(c.parameters)), c.effect))
@@ -427,6 +429,12 @@ class Step:
     main_group: str
 
 
+def errors_of(diagnosis, fit, effect):
+    """Return {parameter: standard error} of one of the effects that were fitted together."""
+    errors = np.sqrt(np.maximum(np.diag(fit.covariance), 0))
+    return {k: e for (name, k), e in zip(diagnosis.free(), errors, strict=True) if name == effect}
+
+
 def confused_with(best, candidates, case):
     """Return the names of candidates that the held-out stations cannot tell from the best one."""
     names = []
@@ -455,8 +463,12 @@ def climb(diagnosis, first, most_steps=6, progress=None, start_with=None, taken=
             break
         best = next((c for c in missing if c.effect == start_with and not steps), missing[0])
         confused = confused_with(best, candidates, diagnosis.case)
-        group = main_group(best)
+        group, before = main_group(best), (diagnosis.effects, diagnosis.poses)
         fit = diagnosis.adopt(best)
+        if not is_there(best.effect, dict(diagnosis.effects)[best.effect], errors_of(diagnosis, fit, best.effect)):
+            diagnosis.rebase(*before)  # beside the others, refitted, nothing of it is left
+            candidates = [c for c in candidates if c is not best]
+            continue
         for name in unneeded(
             diagnosis, [n for n, _ in diagnosis.effects if n != best.effect and n not in diagnosis.fixed]
         ):

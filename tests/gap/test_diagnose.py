@@ -5,7 +5,7 @@ import pytest
 from cases import generated_case
 
 from effects import pipeline
-from gap.diagnose import Diagnosis, climb, split_by_station, verdict_of
+from gap.diagnose import Diagnosis, climb, is_there, split_by_station, verdict_of
 from gap.fit import Fitter, flatten
 
 CANDIDATES = ["radial_distortion", "focal_length", "lens_blur", "exposure", "marker_scale", "principal_point"]
@@ -70,3 +70,24 @@ def test_a_gap_that_is_left_is_never_called_adequate():
     """A few wild captures make the jackknife's error large: that must not excuse the gap."""
     assert verdict_of([], gap=4.0, gap_se=1.6) == "unexplained"
     assert verdict_of([], gap=1.0, gap_se=0.05) == "adequate"
+
+
+@pytest.mark.parametrize(
+    ("sigma_px", "error", "there"),
+    [(1.0, 0.01, True), (1.0, 0.5, False), (0.1, 0.001, False)],
+    ids=["clear", "within three standard errors", "too small to matter"],
+)
+def test_an_effect_is_there_only_where_it_is_certain_and_large_enough(sigma_px, error, there):
+    """Without the first bound chance gets names, without the second every synthesis that is off by a hair does."""
+    assert is_there("lens_blur", {"sigma_px": sigma_px}, {"sigma_px": error}) == there
+
+
+def test_strong_fringes_are_fitted_from_afar(tmp_path):
+    """A robust loss that narrows before the fit has come near leaves colours where they were, and a false remainder."""
+    case, truth = generated_case(tmp_path, "single", "lateral_chromatic_aberration", seed="far off", strength=2.0)
+    diagnosis = Diagnosis(case)
+    diagnosis.set_base([])
+    found = diagnosis.try_effect("lateral_chromatic_aberration").parameters
+    library = truth["effects"][0]["library_parameters"]
+    for name in ("red", "blue"):
+        assert found[f"{name}_ratio"] == pytest.approx(library[name], abs=2.5e-4)
