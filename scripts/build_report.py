@@ -73,6 +73,10 @@ def compared(scene, markers, cameras, stations, captures):
     return lines
 
 
+MOST_TOLD = 12  # parameters of one effect that a sentence can hold
+NEAR_FLOOR = 1.2  # a gap up to this is told as the floor
+
+
 def plain(name):
     """Return an identifier as words: ``radial_distortion`` is ``radial distortion``."""
     return name.replace("_", " ")
@@ -85,9 +89,11 @@ def listed(names):
 
 
 def effect_words(step):
-    """Return an effect with its parameters, such as ``radial distortion (k1 0.171 ± 0.002)``."""
-    values = []
-    for name, p in step.get("parameters", {}).items():
+    """Return an effect with its parameters, such as ``radial distortion (k1 0.171 ± 0.002)``; of many the number."""
+    parameters, values = step.get("parameters", {}), []
+    if len(parameters) > MOST_TOLD:
+        return f"{plain(step['effect'])} ({len(parameters)} parameters)"
+    for name, p in parameters.items():
         error = f" ± {p['se']:.2g}" if p.get("se") is not None else ""
         values.append(f"{name} {p['value']:.4g}{error}")
     return plain(step["effect"]) + (f" ({', '.join(values)})" if values else "")
@@ -100,7 +106,8 @@ def verdict_words(diagnosis):
     if diagnosis["verdict"] == "adequate":
         words = "nothing is missing; the twin explains the images down to the floor."
     elif diagnosis["verdict"] == "explained":
-        words = f"the twin lacks {effects}; with that, the gap is the floor."
+        closed = "the gap is the floor" if steps[-1]["gap_after"] <= NEAR_FLOOR else "most of the gap is closed"
+        words = f"the twin lacks {effects}; with that, {closed}."
     else:
         words = "a gap is left that no known effect closes."
         words += f" Part of it is {effects}." if steps else ""

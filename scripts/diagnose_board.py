@@ -14,7 +14,7 @@ import job
 from effects import pipeline
 from effects.base import View
 from gap import ladder, points
-from gap.diagnose import ENOUGH
+from gap.diagnose import ENOUGH, MANY_PARAMETERS, null_of
 from register_captures import better_finder, board_finder, look_at_captures, usable_views
 from rig import calibration, tables
 from rig.campaign import Board
@@ -57,20 +57,24 @@ def all_free(effects):
 
 
 def climb(train, test, focal, sigma, most_steps):
-    """Return (base outcome, steps, candidates of the first step); an effect is added while it helps on held-out views."""
+    """Return (base outcome, steps, candidates of the first step); an effect is added while it helps on held-out views.
+
+    What can mimic anything, a warp of many waves, competes only where the others leave a gap.
+    """
     base = evaluated(train, test, [], [], focal, sigma)
-    steps, first, current = [], None, base
+    rigid = [n for n in points.point_effects() if len(null_of(n)) <= MANY_PARAMETERS]
+    steps, first = climbed(base, rigid, train, test, sigma, most_steps)
+    if (steps[-1][2] if steps else base)["gap"] > BOARD_ENOUGH:
+        steps, _ = climbed(base, points.point_effects(), train, test, sigma, most_steps, steps)
+    return base, steps, first
+
+
+def climbed(base, names, train, test, sigma, most_steps, taken=()):
+    """Return (steps, candidates of the first step) of a climb with some effects; ``taken`` are the steps before it."""
+    steps, first = list(taken), None
+    current = steps[-1][2] if steps else base
     while len(steps) < most_steps:
-        tried = {}
-        for name in points.point_effects():
-            if name in dict(current["effects"]):
-                continue
-            start = {k: p.starts[0] for k, p in pipeline.available_effects()[name].PARAMETERS.items()}
-            effects = [*current["effects"], (name, start)]
-            outcome = evaluated(train, test, effects, all_free(effects), current["focal"], sigma)
-            gain = current["losses"] - outcome["losses"]
-            outcome |= {"gain": float(gain.sum()), "share": float((gain > 0).mean()), "parameters": len(start)}
-            tried[name] = outcome
+        tried = {n: candidate(n, current, train, test, sigma) for n in names if n not in dict(current["effects"])}
         first = first or tried
         good = {
             n: o for n, o in tried.items()
@@ -82,7 +86,16 @@ def climb(train, test, focal, sigma, most_steps):
         near = [n for n, o in good.items() if n != best and o["gain"] > 0.9 * good[best]["gain"]]
         steps.append((best, current, good[best], near))
         current = good[best]
-    return base, steps, first or {}
+    return steps, first or {}
+
+
+def candidate(name, current, train, test, sigma):
+    """Return the outcome of an effect added to the current one, all effects refitted."""
+    start = {k: p.starts[0] for k, p in pipeline.available_effects()[name].PARAMETERS.items()}
+    effects = [*current["effects"], (name, start)]
+    outcome = evaluated(train, test, effects, all_free(effects), current["focal"], sigma)
+    gain = current["losses"] - outcome["losses"]
+    return outcome | {"gain": float(gain.sum()), "share": float((gain > 0).mean()), "parameters": len(start)}
 
 
 def diagnose_board(expand, campaign, camera, most_steps, out, out_ladder):

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from effects import pipeline
-from gap.fit import NU, RHO_NOISE, bounds_of, get_parameter, rho, small_step, with_parameters
+from gap.fit import NU, RHO_NOISE, bounds_of, get_parameter, priors_of, rho, small_step, with_parameters
 from rig.geometry import camera_matrix, perturb_pose, project
 
 # An ideal camera without nominal intrinsics absorbs these; a moving camera cannot be told from board photographs
@@ -46,7 +46,7 @@ def local_noise_px(views):
         scale = 1.4826 * np.median(np.abs(residual - np.median(residual, 0)), axis=0)
         squares += (scale**2).sum() * (n - powers.shape[1])
         freedom += 2 * (n - powers.shape[1])
-    return float(np.sqrt(squares / freedom) * np.sqrt(1.0)) if freedom else None
+    return float(np.sqrt(squares / freedom)) if freedom else None
 
 
 def predict(v, focal, effects, delta):
@@ -85,19 +85,20 @@ def fit(views, effects, free, focal, poses, sigma, fit_focal=True, iterations=25
     lower, upper = bounds_of(free)
     lower, upper = np.append(theta[0] - 1.5, lower), np.append(theta[0] + 1.5, upper)
     k = len(theta)
+    null, precision = (np.append(0.0, part) for part in priors_of(free))
     best, damping, converged = np.inf, 1e-6, False
     poses = poses.copy()
 
     def total(theta, poses, nu):
         e = with_parameters(effects, free, theta[1:])
-        return sum(
+        return (precision * (theta - null) ** 2).sum() + sum(
             (nu * np.log1p(residuals(v, np.exp(theta[0]), e, poses[i], sigma) ** 2 / nu)).sum()
             for i, v in enumerate(views)
         )
 
     for _ in range(iterations):
         nu = NU * scale**2
-        H, g, blocks = np.zeros((k, k)), np.zeros(k), []
+        H, g, blocks = np.diag(precision), precision * (null - theta), []
         current = with_parameters(effects, free, theta[1:])
         loss = total(theta, poses, nu)
         for i, v in enumerate(views):
