@@ -3,11 +3,10 @@
 import json
 
 import pandas as pd
-import pytest
-from shared_files import shared
 
 from diagnose_board import diagnose_board
 from expand_tables import expand_tables
+from shared_files import shared
 
 
 def verdict_on(campaign, folder):
