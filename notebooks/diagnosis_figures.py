@@ -34,8 +34,8 @@ def read_diagnoses(results):
     return found
 
 
-def pictures_of(results, diagnosis, ladder, plates):
-    """Return [(figure, what it shows)] of one camera, in the order in which one asks."""
+def story_of(results, diagnosis, ladder):
+    """Return [(figure, what it shows)] of one camera: one capture before and after, and how the error falls."""
     camera = diagnosis["camera"]
     pictures = []
     example = example_figure(results, camera)
@@ -43,6 +43,13 @@ def pictures_of(results, diagnosis, ladder, plates):
         pictures.append((example, f"{camera}: one capture that no fit has seen, and how far the twins are off"))
     if len(ladder):
         pictures.append((ladder_figure(ladder, camera), f"{camera}: errors on held-out captures, step by step"))
+    return pictures
+
+
+def details_of(diagnosis, plates):
+    """Return [(figure, what it shows)] of one camera: where it fails, what the gap follows, which effects competed."""
+    camera = diagnosis["camera"]
+    pictures = []
     if len(plates) and "dx_px" in plates:
         pictures.append((vectors_figure(plates, camera), f"{camera}: where plates lie off, over the image"))
     if diagnosis["where"]:
@@ -161,8 +168,8 @@ def candidates_figure(diagnosis):
     axis.axvline(1, color=figures.GREY, ls="--")
     if diagnosis.get("gap_as_configured"):
         axis.axvline(diagnosis["gap_as_configured"], color=figures.ORANGE)
-    axis.set_xlabel("held-out gap with this effect alone, floors (orange: without)")
-    axis.set_title(f"{diagnosis['camera']}: which effect alone helps most?")
+    axis.set_xlabel("gap with it alone, floors (orange: without)")
+    fig.suptitle(f"{diagnosis['camera']}: which effect alone helps most?", fontsize=11)
     return fig
 
 

@@ -275,8 +275,8 @@ DIAGNOSIS = (
     if CAMPAIGN
     else []
 )
-# A campaign of hand-held boards has no plates in whose twin a detector could be tried.
-HAS_MARKERS = bool(CAMPAIGN and not SOURCE.file.target)
+# A campaign of hand-held boards has no markers that a detector could find.
+HAS_MARKERS = not (CAMPAIGN and SOURCE.file.target)
 
 
 wildcard_constraints:

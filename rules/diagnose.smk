@@ -117,7 +117,7 @@ rule diagnose_camera:
         "../scripts/diagnose_camera.py"
 
 
-if CAMPAIGN and not HAS_MARKERS:
+if not HAS_MARKERS:
 
     # Hand-held photographs of one board: points are all that is known, so only what moves points can be named.
     ruleorder: diagnose_board > diagnose_camera

@@ -8,9 +8,10 @@ Another notebook: a rule like those below, and its name in PAGES.
 """
 
 PAGES = (
-    ["overview", "tables", "figure3", "figure4"]
+    ["overview"]
+    + (["tables", "figure3", "figure4"] if HAS_MARKERS else [])
     + (["diagnosis"] if DIAGNOSIS else [])
-    + (["before_after"] if HAS_MARKERS else [])
+    + (["before_after"] if HAS_MARKERS and CAMPAIGN else [])
 )
 
 
