@@ -2,11 +2,14 @@
 
 Variance of a linear value mu (in grey levels of full scale 255): K mu + sigma_d^2. Source: EMVA 1288 Release 4.0,
 sigma_y^2 = K^2 sigma_d^2 + K (mu_y - mu_dark); K is the system gain in levels per electron.
+
+An expected image is no noiseless one: clipping and a bent encoding move the mean of noisy values.
 """
 
 import numpy as np
 
 from effects.base import Parameter
+from effects.encoding import decode, encode
 
 STAGE, ORDER = "sensor", 20
 PARAMETERS = {
@@ -17,10 +20,30 @@ PARAMETERS = {
 }
 
 
-def apply(image, view, p, rng):
-    """Add Gaussian noise of the model's variance; nothing to an expected image."""
-    if rng is None:
+NODES = np.linspace(-5, 5, 401)  # standard deviations; even, as clipping is a kink that no polynomial follows
+WEIGHTS = np.exp(-(NODES**2) / 2)
+BRIGHTEST = 2.0  # linear value above which an image is white whatever the noise
+ROOTS = np.linspace(0, np.sqrt(BRIGHTEST), 513)  # of linear values: finer near black, where encodings bend
+
+
+def _variance(linear, p):
+    return np.maximum(linear, 0) * np.float32(255 * p["gain_dn_per_e"]) + np.float32(p["read_noise_dn"] ** 2)
+
+
+def expected(image, view, p):
+    """Return linear values whose encoding is the mean encoding of the noisy ones."""
+    if p["gain_dn_per_e"] == p["read_noise_dn"] == 0:
         return image
-    variance = np.maximum(image, 0) * np.float32(255 * p["gain_dn_per_e"]) + np.float32(p["read_noise_dn"] ** 2)
+    linear = ROOTS[:, None] ** 2
+    noisy = linear + np.sqrt(_variance(linear, p)) / 255 * NODES
+    means = encode(noisy.astype(np.float32), view.encoding) @ (WEIGHTS / WEIGHTS.sum())
+    table = decode(means, view.encoding)
+    return np.interp(np.sqrt(np.clip(image, 0, BRIGHTEST)), ROOTS, table).astype(np.float32)
+
+
+def apply(image, view, p, rng):
+    """Add Gaussian noise of the model's variance; without ``rng`` give what is expected of it."""
+    if rng is None:
+        return expected(image, view, p)
     noise = rng.standard_normal(image.shape, dtype=np.float32)
-    return image + np.sqrt(variance) / np.float32(255) * noise
+    return image + np.sqrt(_variance(image, p)) / np.float32(255) * noise

@@ -89,6 +89,18 @@ def test_photon_transfer():
     assert foot == pytest.approx(read**2, rel=0.15)
 
 
+@pytest.mark.parametrize("encoding", ["srgb", "linear"])
+@pytest.mark.parametrize("level", [0.0, 0.01, 0.3, 0.98])
+def test_expected_image_is_the_mean_of_noisy_ones(encoding, level):
+    """Clipping lifts black and lowers white, a bent encoding shifts the rest: left out, noise looks like a tone curve."""
+    v = view(encoding=encoding, width=700, height=700)
+    radiance = np.full((v.height + 2 * v.margin, v.width + 2 * v.margin), level)
+    chosen = [("sensor_noise", {"gain_dn_per_e": 0.3, "read_noise_dn": 4.0})]
+    noisy = pipeline.form_image(radiance, v, chosen, 0, np.random.default_rng(3))
+    expected = pipeline.form_image(radiance, v, chosen, 0, None)
+    assert expected.mean() == pytest.approx(noisy.mean(), abs=0.08)
+
+
 def test_declared_noise_and_the_expected_image():
     """The declared deviation, whatever the level; none where the expected image is asked for; seeds decide."""
     v = view()
