@@ -15,6 +15,7 @@ rule compare_twins:
         register=f"{RESULTS}/register/{{camera}}.csv",
         register_json=f"{RESULTS}/register/{{camera}}.json",
         verdict=f"{RESULTS}/diagnosis/{{camera}}.json",
+        # A detector's code reruns this through its detections.
         detections=expand(
             f"{RESULTS}/detect/{{{{camera}}}}/{{detector}}.csv", detector=DETECTORS
         ),
@@ -26,7 +27,6 @@ rule compare_twins:
             "gap/synthesis.py",
             "rig/metrics.py",
         ),
-        # A detector's code reruns this through its detections.
     output:
         table=f"{RESULTS}/compare/{{camera}}.csv",
         cells=f"{RESULTS}/compare/{{camera}}.parquet",
