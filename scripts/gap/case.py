@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.special import ndtr
 
 from effects import pipeline
 from gap.finder import Finder
@@ -20,6 +21,7 @@ from gap.synthesis import Prints, coverages, shade
 from rig.geometry import perturb_pose, project
 
 FARTHEST_FOLLOWED_PX = 80.0
+CLIPPED_SD = 4.0  # standard deviations from black or white within which noise is clipped
 MARGIN_PX = 24  # what blurs and filters see beyond the frame
 
 
@@ -33,6 +35,23 @@ def encoding_table(encoding, exposure):
     """Return the grey level (0..255) of 4097 radiances from 0 to 1."""
     radiance = np.linspace(0, 1, 4097) * exposure
     return 255 * (srgb_encode(radiance) if encoding == "srgb" else np.clip(radiance, 0, 1))
+
+
+def mean_of_clipped(levels, noise_dn):
+    """Return the mean of grey levels with Gaussian noise that are clipped to 0..255: noise moves black and white.
+
+    E[max(X, 0)] = m Phi(m / s) + s phi(m / s) for X of mean m and standard deviation s; so for 255.
+    """
+    clipped = np.clip(levels, 0, 255)
+    if noise_dn <= 0:
+        return clipped
+    for sign, bound in ((1.0, 0.0), (-1.0, 255.0)):
+        distance = sign * (levels - bound) / noise_dn  # inwards, in standard deviations
+        near = distance < CLIPPED_SD
+        d = distance[near]
+        mean = d * ndtr(d) + np.exp(-d * d / 2) / np.sqrt(2 * np.pi)
+        clipped[near] = bound + sign * noise_dn * mean
+    return clipped
 
 
 def code_corners_world(plate):
@@ -124,7 +143,7 @@ class Case:
         image = pipeline.photometric(radiance, view, effects, self.noise_dn, rng)
         m = view.margin
         image = image[m : m + view.height, m : m + view.width]
-        return np.clip(image if rng is None else np.rint(image), 0, 255)
+        return mean_of_clipped(image, self.noise_dn) if rng is None else np.clip(np.rint(image), 0, 255)
 
     def finder(self):
         """Return the Finder of the rig's codes."""

@@ -3,9 +3,10 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from effects.base import Scene, View
-from gap.case import code_corners_world, encoding_table
+from gap.case import code_corners_world, encoding_table, mean_of_clipped
 from gap.observe import FINE, Codes, measure_plates
 from gap.raster import coverage
 from gap.synthesis import Prints, coverages, shade
@@ -77,3 +78,10 @@ def test_ink_grows_by_its_length_and_not_by_its_area():
     assert np.isclose(outermost, -0.036)
     back = spread_ink(p, -0.001)
     assert (~back.white).any() and np.isclose(back.x_m[np.flatnonzero((~back.white).any(0))[0]], -0.034)
+
+
+@pytest.mark.parametrize("level", [-1.0, 0.0, 1.5, 128.0, 254.5, 255.0, 400.0])
+def test_expected_levels_are_the_mean_of_clipped_ones(level):
+    """A saturated white of mean 254.6 against an expected 255 looks like an effect that is not there."""
+    noisy = np.clip(np.rint(level + np.random.default_rng(1).normal(0, 1.0, 200_000)), 0, 255)
+    assert mean_of_clipped(np.full((2, 2), level), 1.0) == pytest.approx(noisy.mean(), abs=0.02)
