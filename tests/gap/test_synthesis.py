@@ -84,4 +84,4 @@ def test_ink_grows_by_its_length_and_not_by_its_area():
 def test_expected_levels_are_the_mean_of_clipped_ones(level):
     """A saturated white of mean 254.6 against an expected 255 looks like an effect that is not there."""
     noisy = np.clip(np.rint(level + np.random.default_rng(1).normal(0, 1.0, 200_000)), 0, 255)
-    assert mean_of_clipped(np.full((2, 2), level), 1.0) == pytest.approx(noisy.mean(), abs=0.02)
+    assert mean_of_clipped(np.full((2, 2), level), 1.0) == pytest.approx(noisy.mean(), abs=0.03)
