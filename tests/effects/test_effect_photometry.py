@@ -36,7 +36,7 @@ def moments(image):
         ("field_curvature", {"sigma_corner_px": 6.0}),
         ("motion_blur", {"dx_px": 5.0, "dy_px": -2.0}),
         ("veiling_glare", {"share": 0.2}),
-        ("bayer_demosaic", {"amount": 1.0}),
+        ("bayer_demosaic", {"gbrg": 1.0}),
     ],
 )
 def test_even_light_stays(name, values):
