@@ -193,3 +193,18 @@ def test_images_stay_single_precision(name):
     starts = {k: p.starts[0] + 0.01 for k, p in FOUND[name].PARAMETERS.items()}
     out = FOUND[name].apply(noise_image(3, v), v, starts, np.random.default_rng(1))
     assert out.dtype == np.float32
+
+
+@pytest.mark.parametrize("corrected", [0.0, 1.0])
+def test_a_mosaic_keeps_what_is_linear(corrected):
+    """Interpolation reproduces planes of colours that rise together; a wrong kernel or mask does not."""
+    v = view(margin=4)
+    rows, columns = v.height + 2 * v.margin, v.width + 2 * v.margin
+    y, x = np.mgrid[:rows, :columns].astype(np.float32)
+    plane = 0.2 + 0.3 * x / columns + 0.2 * y / rows
+    image = np.stack([plane, plane + 0.1, plane - 0.1], axis=-1).astype(np.float32)
+    module = pipeline.effect_named("bayer_demosaic")
+    for name in module.RED:
+        p = dict.fromkeys(module.PARAMETERS, 0.0) | {name: 1.0, "corrected": corrected}
+        inner = module.apply(image, v, p, None)[4:-4, 4:-4]
+        np.testing.assert_allclose(inner, image[4:-4, 4:-4], atol=2e-5)
