@@ -20,7 +20,7 @@ from PIL import Image
 from detectors import contract
 from expose_twin import expose_twin
 
-SHOWN = {"corner_rmse_px": "error of corners, px", "intensity_rmse_dn": "of grey levels, DN"}
+SHOWN = {"corner_rmse_px": "corners off, px", "intensity_rmse_dn": "grey levels, DN"}
 FULL_SCALE_DN = 60  # difference that is drawn as full red or blue
 COLOURS = 128  # of the PNG: a third of the bytes, and no difference to see
 
@@ -74,7 +74,7 @@ def draw(results, camera):
         real,
         "simulated stand-in" if run.scene["origin"] == "simulated" else "photograph",
     )
-    for row, (twin, title) in enumerate([(ideal, "ideal twin"), (found, f"twin + {' + '.join(names)}")]):
+    for row, (twin, title) in enumerate([(ideal, "ideal twin"), (found, f"twin with {len(names)} effects")]):
         show(figure.add_subplot(grid[row, 1]), twin, title)
         show(figure.add_subplot(grid[row, 2]), real.astype(float) - aligned(twin, real), "difference")
     for axes, (measure, label) in zip(grid[1, 0].subgridspec(1, 2).subplots(), SHOWN.items(), strict=True):
