@@ -37,7 +37,7 @@ environment: $(UV)
 		|| $(UV) venv --clear --quiet --python 3.13 .venv
 	@cmp -s $(LOCK) $(INSTALLED) \
 		|| { rm -f $(INSTALLED) \
-		&& $(UV) pip sync --require-hashes --python $(BIN)/python $(LOCK) \
+		&& $(UV) pip sync --require-hashes --compile-bytecode --python $(BIN)/python $(LOCK) \
 		&& cp $(LOCK) $(INSTALLED); }
 
 data: environment

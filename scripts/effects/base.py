@@ -92,7 +92,8 @@ def light_factor(light, x, y):
 
     def irradiance(x, y):
         h = light["lamp_height_m"]
-        return h / (h * h + (x - light["lamp_x_m"]) ** 2 + (y - light["lamp_y_m"]) ** 2) ** 1.5
+        squared = h * h + (x - light["lamp_x_m"]) ** 2 + (y - light["lamp_y_m"]) ** 2
+        return h / (squared * np.sqrt(squared))
 
     tilt = light["gradient_x"] * x + light["gradient_y"] * (y - 1.0)
     return np.clip(1 + tilt + light["lamp_share"] * (irradiance(x, y) / irradiance(0.0, 1.0) - 1), 0, 4)
@@ -105,14 +106,12 @@ def highlight_radiance(highlight, view, x, y):
     the directions to the lamp (x_m, y_m, height_m) and to the camera; n is the world's z.
     """
     R, t = view.T_cam_world[:3, :3], view.T_cam_world[:3, 3]
-    eye = -R.T @ t
-    to_eye = np.stack([eye[0] - x, eye[1] - y, np.broadcast_to(eye[2], np.shape(x))], axis=-1)
-    lamp = np.stack(
-        [highlight["x_m"] - x, highlight["y_m"] - y, np.broadcast_to(highlight["height_m"], np.shape(x))], axis=-1
-    )
-    half = to_eye / np.linalg.norm(to_eye, axis=-1, keepdims=True)
-    half = half + lamp / np.linalg.norm(lamp, axis=-1, keepdims=True)
-    cosine = half[..., 2] / np.linalg.norm(half, axis=-1)
+    half_x, half_y, half_z = 0.0, 0.0, 0.0
+    for px, py, pz in (-R.T @ t, (highlight["x_m"], highlight["y_m"], highlight["height_m"])):
+        dx, dy = px - x, py - y
+        distance = np.sqrt(dx * dx + dy * dy + pz * pz)
+        half_x, half_y, half_z = half_x + dx / distance, half_y + dy / distance, half_z + pz / distance
+    cosine = half_z / np.sqrt(half_x * half_x + half_y * half_y + half_z * half_z)
     return highlight["strength"] * np.maximum(cosine, 0) ** (2 / highlight["roughness"] ** 2)
 
 

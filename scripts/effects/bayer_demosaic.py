@@ -6,11 +6,10 @@ Laplacian of the colour that was seen. Source: B. E. Bayer, US 3971065 (1976); M
 interpolation for demosaicing of Bayer-patterned color images" (2004).
 """
 
-import cv2
 import numpy as np
+from numba import njit
 
 from effects.base import Parameter
-from effects.filters import convolve
 
 STAGE, ORDER = "sensor", 30
 MAKES_COLOUR = True
@@ -19,47 +18,55 @@ PARAMETERS = {
     name: Parameter("1", 0.0, 1.0, 0.0, (0.25,), 0.1, f"share of the mosaic that begins with {name.upper()}")
     for name in RED
 } | {"corrected": Parameter("1", 0.0, 1.0, 0.0, (0.5,), 0.1, "share of Malvar's correction; nothing without a mosaic")}
-CROSS = np.array([[0, 1, 0], [1, 4, 1], [0, 1, 0]]) / 4
-SQUARE = np.array([[1, 2, 1], [2, 4, 2], [1, 2, 1]]) / 4
 
 
-# Malvar, He and Cutler, figure 2: green where red or blue was seen; a colour beside its own in the row; across the block
-GREEN = np.array([[0, 0, -1, 0, 0], [0, 0, 2, 0, 0], [-1, 2, 4, 2, -1], [0, 0, 2, 0, 0], [0, 0, -1, 0, 0]]) / 8
-BESIDE = np.array([[0, 0, 0.5, 0, 0], [0, -1, 0, -1, 0], [-1, 4, 5, 4, -1], [0, -1, 0, -1, 0], [0, 0, 0.5, 0, 0]]) / 8
-ACROSS = np.array([[0, 0, -1.5, 0, 0], [0, 2, 0, 2, 0], [-1.5, 0, 6, 0, -1.5], [0, 2, 0, 2, 0], [0, 0, -1.5, 0, 0]]) / 8
+@njit(cache=True)
+def _mirrored(index, size):
+    # about the outermost pixel, so that the mosaic goes on beyond it
+    return min(abs(index), 2 * (size - 1) - index)
 
 
-def masks_of(shape, row, column):
-    """Return which pixels see red, green, blue (rows, columns, 3), float32, of a mosaic whose red begins at row, column."""
-    masks = np.zeros((*shape, 3), np.float32)
-    masks[row::2, column::2, 0] = 1
-    masks[1 - row :: 2, column::2, 1] = 1
-    masks[row::2, 1 - column :: 2, 1] = 1
-    masks[1 - row :: 2, 1 - column :: 2, 2] = 1
-    return masks
+@njit(cache=True)
+def _mosaic(image, row, column):
+    """Return what a mosaic whose red begins at row, column sees (rows + 4, columns + 4), two pixels more on each side."""
+    h, w, _ = image.shape
+    seen = np.empty((h + 4, w + 4), np.float32)
+    for r in range(h + 4):
+        y = _mirrored(r - 2, h)
+        for c in range(w + 4):
+            x = _mirrored(c - 2, w)
+            colour = 1 if (y + row + x + column) % 2 else (0 if (y + row) % 2 == 0 else 2)
+            seen[r, c] = image[y, x, colour]
+    return seen
 
 
-def _mirrored(plane, kernel):
-    # about the outermost pixels, so that the mosaic goes on beyond them
-    return convolve(plane, kernel, cv2.BORDER_REFLECT_101)
+@njit(cache=True)
+def demosaiced(image, row, column, corrected):
+    """Return the image (rows, columns, 3) as a mosaic whose red begins at row, column shows it.
 
-
-def bilinear(image, masks):
-    """Return the image as its mosaic shows it, neighbours of each colour averaged."""
-    seen = image * masks
-    return np.stack([_mirrored(seen[..., c], SQUARE if c != 1 else CROSS) for c in range(3)], axis=-1)
-
-
-def malvar(image, masks, row):
-    """Return the image as its mosaic shows it, interpolated with the Laplacian of the colour seen; red in rows ``row``."""
-    mosaic = (image * masks).sum(axis=2)
-    red_rows = np.zeros(mosaic.shape, np.float32)
-    red_rows[row::2] = 1
-    green, across, in_row, in_column = (_mirrored(mosaic, k) for k in (GREEN, ACROSS, BESIDE, BESIDE.T))
-    is_red, is_green, is_blue = (masks[..., c] for c in range(3))
-    red = is_red * mosaic + is_blue * across + is_green * np.where(red_rows, in_row, in_column)
-    blue = is_blue * mosaic + is_red * across + is_green * np.where(red_rows, in_column, in_row)
-    return np.stack([red, is_green * mosaic + (1 - is_green) * green, blue], axis=-1)
+    What was not seen is the mean of the nearest neighbours that did, plus ``corrected`` times Malvar's Laplacian
+    (He and Cutler's figure 2, gains 1/2, 5/8 and 3/4).
+    """
+    m = _mosaic(image, row, column)
+    out = np.empty_like(image)
+    for r in range(image.shape[0]):
+        for c in range(image.shape[1]):
+            y, x = r + 2, c + 2
+            seen = m[y, x]
+            beside, below = m[y, x - 1] + m[y, x + 1], m[y - 1, x] + m[y + 1, x]
+            corners = m[y - 1, x - 1] + m[y - 1, x + 1] + m[y + 1, x - 1] + m[y + 1, x + 1]
+            two_beside, two_below = m[y, x - 2] + m[y, x + 2], m[y - 2, x] + m[y + 2, x]
+            red_row = (r + row) % 2 == 0
+            if (r + row + c + column) % 2:
+                in_row = beside / 2 + corrected * (5 * seen - corners - two_beside + two_below / 2) / 8
+                in_column = below / 2 + corrected * (5 * seen - corners - two_below + two_beside / 2) / 8
+                red, green, blue = (in_row, seen, in_column) if red_row else (in_column, seen, in_row)
+            else:
+                bend = corrected * (seen - (two_beside + two_below) / 4)
+                green, other = (beside + below) / 4 + bend / 2, corners / 4 + 3 * bend / 4
+                red, blue = (seen, other) if red_row else (other, seen)
+            out[r, c, 0], out[r, c, 1], out[r, c, 2] = red, green, blue
+    return out
 
 
 def apply(image, view, p, rng):
@@ -67,12 +74,7 @@ def apply(image, view, p, rng):
     first = view.margin % 2
     out = image
     for name, (row, column) in RED.items():
-        if p[name] == 0:
-            continue
-        row, column = (row + first) % 2, (column + first) % 2
-        masks = masks_of(image.shape[:2], row, column)
-        shown = bilinear(image, masks)
-        if p["corrected"]:
-            shown = shown + np.float32(p["corrected"]) * (malvar(image, masks, row) - shown)
-        out = out + np.float32(p[name]) * (shown - image)
+        if p[name] != 0:
+            shown = demosaiced(np.ascontiguousarray(image), (row + first) % 2, (column + first) % 2, p["corrected"])
+            out = out + np.float32(p[name]) * (shown - image)
     return out

@@ -82,6 +82,11 @@ def nulls_of(name):
     return {key: p.null for key, p in effect_named(name).PARAMETERS.items()}
 
 
+def key_of(chosen):
+    """Return a hashable key of a list of effects, those at their null left out."""
+    return tuple((n, tuple(sorted(p.items()))) for n, p in sorted(chosen) if p != nulls_of(n))
+
+
 def in_order(chosen):
     """Return effects [(name, params)] in physical order: by stage, then ORDER, then name."""
 

@@ -12,16 +12,19 @@ from gap.observe import (
     SMALLEST_SIDE_PX,
     Codes,
     code_sides_px,
+    grey_of,
     measure_plates,
     observe,
     observe_noise,
     wholly_inside,
 )
-from gap.synthesis import Prints, coverages, shade
+from gap.synthesis import Prints, coverages, ground_points, is_lit, shade
 from rig.geometry import perturb_pose, project
 
 FARTHEST_FOLLOWED_PX = 80.0
 CLIPPED_SD = 4.0  # standard deviations from black or white within which noise is clipped
+SCENES_KEPT = 64
+GEOMETRY_KEPT_PX = 20_000_000  # 400 MB
 MARGIN_PX = 24  # what blurs and filters see beyond the frame
 
 
@@ -85,7 +88,9 @@ class Case:
     captures: list
     noise_dn: float
     sigma_pose: np.ndarray
-    _prints: dict = field(default_factory=dict)
+    _scenes: dict = field(default_factory=dict)
+    _prints: list = field(default_factory=list)
+    _geometry: dict = field(default_factory=dict)
 
     # -- geometry ---------------------------------------------------------------------------------------------
 
@@ -93,13 +98,21 @@ class Case:
         """Return (scene, prints, world corners of the codes (p, 4, 3)) of the twin with these effects."""
         modules = pipeline.available_effects()
         key = tuple((n, tuple(sorted(p.items()))) for n, p in effects if modules[n].STAGE == "scene")
-        if key not in self._prints:
-            if len(self._prints) > 64:
-                self._prints.clear()
+        if key not in self._scenes:
+            if len(self._scenes) > SCENES_KEPT:
+                self._scenes.clear()
             scene = pipeline.scene_with_effects(self.scene, effects)
             corners = np.array([code_corners_world(p) for p in scene.plates])
-            self._prints[key] = (scene, Prints(printed_plates(scene)), corners)
-        return self._prints[key]
+            self._scenes[key] = (scene, self._prints_of(scene), corners)
+        return self._scenes[key]
+
+    def _prints_of(self, scene):
+        """Return the Prints of a scene, the same ones while only its light changes."""
+        for plates, ink_spread_m, prints in self._prints:
+            if plates is scene.plates and ink_spread_m == scene.ink_spread_m:
+                return prints
+        self._prints = self._prints[-SCENES_KEPT:] + [(scene.plates, scene.ink_spread_m, Prints(printed_plates(scene)))]
+        return self._prints[-1][2]
 
     def view_of(self, capture, effects, delta):
         """Return the capture's view at its nominal pose moved by delta (6,), the twin's mount included."""
@@ -134,8 +147,23 @@ class Case:
                 def mapping(xy, channel=channel):
                     return pipeline.map_points(xy, view, effects, channel)
 
-            planes.append(shade(scene, view, *coverages(prints, view, mapping), mapping))
+            if is_lit(scene):
+                maps = pipeline.key_of([(n, p) for n, p in effects if moves_points(n)])
+                geometry = self._geometry_of((view.T_cam_world.tobytes(), prints, maps), view, mapping, channel)
+            else:
+                geometry = coverages(prints, view, mapping)
+            planes.append(shade(scene, view, *geometry))
         return np.stack(planes, axis=-1).astype(np.float32)
+
+    def _geometry_of(self, key, view, mapping, channel):
+        """Return (plates, black, sky, ground) of a capture's channel, kept while only the light changes."""
+        place = view.capture, channel
+        if place not in self._geometry and len(self._geometry) >= GEOMETRY_KEPT_PX // (view.width * view.height):
+            self._geometry.clear()
+        if self._geometry.get(place, (None,))[0] != key:
+            covers = [c.astype(np.float32) for c in coverages(key[1], view, mapping)]
+            self._geometry[place] = key, (*covers, [g.astype(np.float32) for g in ground_points(view, mapping)])
+        return self._geometry[place][1]
 
     def image_of(self, radiance, capture, effects, delta, rng=None):
         """Return the twin's grey levels (H, W, C): expected where ``rng`` is None, else as a camera gives them."""
@@ -168,7 +196,7 @@ class Case:
         starts[seen] = found[seen]
         wanted = wholly_inside(starts, capture.view.width, capture.view.height)
         wanted &= np.nan_to_num(code_sides_px(starts)) >= SMALLEST_SIDE_PX
-        grey = image.mean(axis=2)
+        grey = grey_of(image)
         _, _, first, _ = first_pass = measure_plates(grey, starts, wanted, self.codes, COARSE_TO_FINE)
         measured = first_pass[0][:, :8].reshape(-1, 4, 2), first
         starts, outlines = (
@@ -178,7 +206,7 @@ class Case:
         wanted = wholly_inside(starts, capture.view.width, capture.view.height)
         wanted &= np.nan_to_num(code_sides_px(starts)) >= SMALLEST_SIDE_PX
         capture.observation = observe(image, starts, outlines, wanted, capture.view, self.codes, COARSE_TO_FINE)
-        grey_structure = observe_noise(image.mean(axis=2, keepdims=True), capture.observation.classes)[0]
+        grey_structure = observe_noise(grey[..., None], capture.observation.classes)[0]
         capture.noise_variance = float(np.exp(np.nanmin(np.append(grey_structure[:4], np.log(4.0)))))
         capture.noise_variance = max(capture.noise_variance, 0.05)
 
@@ -223,8 +251,12 @@ def follow_neighbours(points, starts, corners, measured):
 
 def has_geometry(effects):
     """Return whether any of the effects moves image points."""
-    modules = pipeline.available_effects()
-    return any(hasattr(modules[name], "map_points") for name, _ in effects)
+    return any(moves_points(name) for name, _ in effects)
+
+
+def moves_points(name):
+    """Return whether an effect moves image points."""
+    return hasattr(pipeline.available_effects()[name], "map_points")
 
 
 def printed_plates(scene):

@@ -15,7 +15,7 @@ from rig.geometry import station_pose
 
 GAP_GROUPS = ("corners", "levels", "edges", "colour", "field", "noise")
 MOST_CAPTURES = 6  # that are fitted, and as many that are held out
-PROBES = 3  # captures that a candidate's promise is read from
+PROBES = 3  # captures of each half that promises are read from, and noise
 TRIED = 6  # candidates that are fitted, the most promising; others stay at their null
 TRIED_AGAIN = 4  # the same in later steps of a climb
 MOST_STATIONS = 0.7  # share of held-out stations that must not lose: a highlight is not seen from everywhere
@@ -27,7 +27,7 @@ CLOSED = 0.2  # share of the first excess up to which the climb has closed the g
 MANY_PARAMETERS = 12
 FIRST_STEPS = 3  # that are tried one after the other, until one climb closes the gap well
 HARDLY_CLOSED = 0.6  # share above which what helped a little gets no name
-LEAST_PROMISE = 12.0  # first-order gain in training loss below which an effect is not fitted
+LEAST_PROMISE = LEAST_GAIN  # first-order gain in training loss below which an effect is not fitted
 # Floors come from trials; they differ by more only where the twin is still wrong
 SMALLEST_FLOOR = {"corners": 0.25, "edges": 0.25, "levels": 0.5, "colour": 0.5, "field": 0.5, "noise": 0.5}
 LARGEST_FLOOR = 1.5
@@ -133,12 +133,9 @@ def usable(indices, case):
     return [i for i in indices if case.captures[i].observation.measured.any()]
 
 
-def one_a_station(indices, case):
-    """Return the first capture of every station among the captures."""
-    first = {}
-    for i in sorted(indices):
-        first.setdefault(case.captures[i].view.station, i)
-    return set(first.values())
+def probes(indices):
+    """Return PROBES of the captures: promises are read from them, and noise, of which a few images tell enough."""
+    return indices[:: max(1, len(indices) // PROBES)][:PROBES]
 
 
 def group_gaps(groups, floors):
@@ -204,7 +201,7 @@ class Diagnosis:
         self.case = case
         train, test = split or split_by_station(case)
         self.train, self.test = thinned(usable(train, case)), thinned(usable(test, case))
-        self.fitter = Fitter(case, one_a_station(self.train + self.test, case))
+        self.fitter = Fitter(case, probes(self.train) + probes(self.test))
         self.candidates = list(candidates or pipeline.available_effects())
         self.effects = []
         self.fixed = set()  # effects whose parameters the user fixed: never refitted, never dropped
@@ -261,7 +258,7 @@ class Diagnosis:
         """
         free = [(effect, k) for k in null_of(effect)]
         effects = self.effects + [(effect, null_of(effect))]
-        indices = self.train[:: max(1, len(self.train) // PROBES)][:PROBES]
+        indices = probes(self.train)
         predictions, _ = self.fitter.start(effects, self.poses, indices)
         groups = self.fitter.residuals_of(effects, self.poses, predictions, indices)
         nu = NU * width_of(groups) ** 2
@@ -295,7 +292,7 @@ class Diagnosis:
         free = [(effect, k) for k in null_of(effect)]
         best = None
         starts = starts_of(effect)
-        probe = self.train[:: max(1, len(self.train) // PROBES)][:PROBES]
+        probe = probes(self.train)
         if len(starts) > 1:
             scored = []
             for start in starts:

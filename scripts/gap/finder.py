@@ -4,6 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from detectors import contract
+from gap.observe import grey_of
 from rig.geometry import rotation_angle_deg
 
 DETECTOR = "aruco"
@@ -20,7 +21,7 @@ class Finder:
 
     def corners(self, image):
         """Return {plate index: corners (4, 2) in pixels} of a grey-level image (H, W, C)."""
-        grey = np.clip(np.rint(image.mean(axis=2)), 0, 255).astype(np.uint8)
+        grey = np.clip(np.rint(grey_of(image)), 0, 255).astype(np.uint8)
         found = {self.index.get(f"{d.dictionary}/{d.id}"): d.corners for d in self.detector.detect(grey)}
         found.pop(None, None)
         return found

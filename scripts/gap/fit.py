@@ -5,13 +5,13 @@ fitted first from the corners and exact point maps alone (fast, wide basin), the
 measured by the same code as the real ones.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from effects import pipeline
 from gap.flats import field_levels
-from gap.observe import FINE, classify_flats, measure_colour, measure_plates, observe_noise
+from gap.observe import FINE, classify_flats, grey_of, measure_colour, measure_plates, observe_noise
 from job import seed_of
 
 NU = 8.0  # robust log(1 + y^2 / nu): quadratic for noise, forgiving for a bad plate
@@ -23,6 +23,7 @@ NOISE_FLOOR = 0.02
 LOST_PLATE = 6.0  # whitened residual charged per feature of a plate that only the real image shows
 GROUPS = ("corners", "levels", "edges", "colour", "field", "noise", "pose")
 STILL_FAR = 0.1  # share of its loss above which a step says that the next one gains as well
+PREDICTIONS_KEPT = 4000  # some 20 kB each
 POSE_STEP = np.array([1e-5] * 3 + [1e-5] * 3)
 
 
@@ -136,12 +137,12 @@ class Fitter:
     """Fits lists of effects to one case."""
 
     def __init__(self, case, noise_of=()):
-        """Noise is compared in the captures ``noise_of`` alone: one a station tells enough."""
+        """Noise is compared in the captures ``noise_of`` alone."""
         self.case = case
         self.noise_of = [i in noise_of for i in range(len(case.captures))]
         self.whiteners = [Whitener(c, w) for c, w in zip(case.captures, self.noise_of, strict=True)]
         self.prior = np.where(np.isfinite(case.sigma_pose), 1 / case.sigma_pose**2, 0.0)
-        self._radiance = {}
+        self._radiance, self._predictions = {}, {}
 
     def radiance(self, i, effects, delta):
         """Return the twin's radiance, cached by geometry: photometric steps draw nothing again."""
@@ -154,12 +155,20 @@ class Fitter:
         return self._radiance[key]
 
     def predict(self, i, effects, delta):
-        """Return the Prediction of capture i."""
+        """Return the Prediction of capture i; many candidates ask for the same one, so the last ones are kept."""
+        key = (i, pipeline.key_of(effects), delta.tobytes())
+        if key not in self._predictions:
+            if len(self._predictions) >= PREDICTIONS_KEPT:
+                del self._predictions[next(iter(self._predictions))]
+            self._predictions[key] = self._predict(i, effects, delta)
+        return self._predictions[key]
+
+    def _predict(self, i, effects, delta):
         case, capture = self.case, self.case.captures[i]
         o = capture.observation
         radiance = self.radiance(i, effects, delta)
         image = case.image_of(radiance, capture, effects, delta)
-        grey = image.mean(axis=2)
+        grey = grey_of(image)
         exact = case.corners_of(capture, effects, delta)
         wanted = o.measured & np.isfinite(exact).all((1, 2))
         features, _, measured, _ = measure_plates(grey, exact, wanted, case.codes, FINE)
@@ -402,8 +411,9 @@ class Fitter:
         for i in indices:
             shift = self.case.corners_of(self.case.captures[i], effects, better[i])
             shift = (shift - self.case.corners_of(self.case.captures[i], effects, poses[i])).reshape(-1, 8)
-            predictions[i].features[:, :8] += np.nan_to_num(shift)
-            out[i] = self.residual_vector(i, effects, better[i], predictions[i])
+            features = predictions[i].features.copy()
+            features[:, :8] += np.nan_to_num(shift)
+            out[i] = self.residual_vector(i, effects, better[i], replace(predictions[i], features=features))
         return better, out
 
 
@@ -481,8 +491,6 @@ def is_geometric(parameter):
 def geometric_key(effects):
     """Return a key of everything that decides the radiance before photometry."""
     modules = pipeline.available_effects()
-    return tuple(
-        (n, tuple(sorted(p.items())))
-        for n, p in effects
-        if modules[n].STAGE == "scene" or hasattr(modules[n], "map_points")
+    return pipeline.key_of(
+        [(n, p) for n, p in effects if modules[n].STAGE == "scene" or hasattr(modules[n], "map_points")]
     )

@@ -26,6 +26,14 @@ LEAST_CONTRAST = 0.2  # of the nominal: to the noise of a black or saturated ima
 WORST_MISFIT = 0.15  # of the contrast: a fit to something else than the plate leaves more, any effect less
 
 
+def grey_of(image):
+    """Return the mean (H, W) float32 over the channels of an image (H, W, C)."""
+    image = np.ascontiguousarray(image, np.float32)
+    if image.shape[2] == 1:
+        return image[..., 0]
+    return cv2.transform(image, np.full((1, image.shape[2]), 1 / image.shape[2], np.float32))
+
+
 @dataclass
 class Codes:
     """The nominal plates as the fit needs them: arrays over plates."""
@@ -169,7 +177,7 @@ def measure_colour(image, corners, measured, codes):
     out = np.zeros((len(corners), N_COLOUR))
     if image.shape[2] == 1:
         return out
-    mean = image.mean(axis=2)
+    mean = grey_of(image)
     red = np.ascontiguousarray(image[..., 0] - mean, np.float32)
     blue = np.ascontiguousarray(image[..., 2] - mean, np.float32)
     for i in np.flatnonzero(measured):
@@ -209,7 +217,7 @@ def observe(image, starts, outlines, wanted, view, codes, radii, classes=None):
     ``classes`` given skips their computation (twin images take the real capture's).
     """
     image = image.astype(np.float32)
-    grey = image[..., 0] if image.shape[2] == 1 else image.mean(axis=2)
+    grey = grey_of(image)
     features, information, measured, misfit = measure_plates(grey, starts, wanted, codes, radii)
     corners = features[:, :8].reshape(-1, 4, 2)
     colour = measure_colour(image, corners, measured, codes)

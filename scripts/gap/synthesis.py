@@ -11,7 +11,7 @@ from gap.raster import add_polygons, running_sum
 from rig.geometry import project, transform
 
 EDGE_STEP_PX = 8.0  # edges bent by a lens are drawn in straight pieces no longer than this
-FAR_M = 1e5
+FARTHEST_GROUND_M = 1e3
 
 
 def black_rectangles(plate):
@@ -136,18 +136,24 @@ def visible_plates(outlines, view):
     return inside & (depth > 1e-3).all(1)
 
 
-def shade(scene, view, plates, black, sky, map_points=None):
+def is_lit(scene):
+    """Return whether the scene has a light of its own: then shading needs the ground's points."""
+    return scene.light is not None or scene.highlight is not None
+
+
+def shade(scene, view, plates, black, sky, ground=None):
     """Return the linear radiance (H + 2m, W + 2m) of coverages under the scene's light.
 
-    The light varies slowly: it is taken at each pixel's centre on the ground plane z = 0.
+    The light varies slowly: it is taken at each pixel's centre on the ground plane z = 0, ``ground`` as ``ground_points``
+    gives it, needed where the scene ``is_lit``.
     """
     radiance = scene.ground + (scene.white - scene.ground) * plates + (scene.black - scene.white) * black
-    if scene.light is not None or scene.highlight is not None:
-        x, y = ground_points(view, map_points)
-        if scene.light is not None:
-            radiance = radiance * light_factor(scene.light, x, y)
-        if scene.highlight is not None:
-            radiance = radiance + plates * highlight_radiance(scene.highlight, view, x, y)
+    if scene.light is not None:
+        radiance = radiance * light_factor(scene.light, *ground)
+    if scene.highlight is not None:
+        glossy = plates > 0
+        x, y = (g[glossy] for g in ground)
+        radiance[glossy] += plates[glossy] * highlight_radiance(scene.highlight, view, x, y)
     return radiance * (1 - sky) + scene.background * sky
 
 
@@ -171,11 +177,11 @@ def ground_points(view, map_points):
     grid_x, grid_y = np.meshgrid(fine_x, fine_y)
     u = cv2.remap(ideal[..., 0].astype(np.float32), grid_x, grid_y, cv2.INTER_LINEAR)
     v = cv2.remap(ideal[..., 1].astype(np.float32), grid_x, grid_y, cv2.INTER_LINEAR)
-    rays = np.stack([(u - view.K[0, 2]) / view.K[0, 0], (v - view.K[1, 2]) / view.K[1, 1], np.ones_like(u)], -1)
+    x, y = (u - view.K[0, 2]) / view.K[0, 0], (v - view.K[1, 2]) / view.K[1, 1]
     R, t = view.T_cam_world[:3, :3], view.T_cam_world[:3, 3]
     centre = -R.T @ t
-    rays = rays @ R
-    with np.errstate(divide="ignore"):
-        distance = np.where(rays[..., 2] < -1e-6, -centre[2] / rays[..., 2], 1e3)
-    distance = np.minimum(distance, 1e3)
-    return centre[0] + distance * rays[..., 0], centre[1] + distance * rays[..., 1]
+    along_x, along_y, along_z = (R[0, k] * x + R[1, k] * y + R[2, k] for k in range(3))
+    distance = np.full(shape, FARTHEST_GROUND_M)
+    down = along_z < -1e-6
+    distance[down] = np.minimum(-centre[2] / along_z[down], FARTHEST_GROUND_M)
+    return centre[0] + distance * along_x, centre[1] + distance * along_y
