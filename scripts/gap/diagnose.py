@@ -532,10 +532,7 @@ def conclude(diagnosis, first, most_steps=6, progress=None):
         best = better(best, climbed(diagnosis, rigid, excess, most_steps, progress, way.effect))
     diagnosis.rebase(best.effects, best.poses)
     if best.verdict == "unexplained":
-        flexible = [c.effect for c in first if len(c.parameters) > MANY_PARAMETERS]
-        tried = [diagnosis.try_effect(e) for e in flexible if diagnosis.promise(e) >= LEAST_PROMISE]
-        further = climbed(diagnosis, tried + best.left, excess, most_steps, progress, taken=best.steps)
-        best = min((best, further), key=lambda o: o.share_left)
+        best = _with_flexible(diagnosis, first, start, best, excess, most_steps, progress)
     diagnosis.rebase(best.effects, best.poses)
     closed = any(not _is_open(diagnosis, step.main_group, before) for step in best.steps)
     if best.verdict == "unexplained" and best.share_left > HARDLY_CLOSED and not closed:
@@ -544,6 +541,25 @@ def conclude(diagnosis, first, most_steps=6, progress=None):
     for step in best.steps:  # what is there beside it is no other name for it
         step.confused_with = [n for n in step.confused_with if n not in dict(best.effects)]
     return best
+
+
+def _with_flexible(diagnosis, first, start, best, excess, most_steps, progress):
+    """Return the Outcome with the warps of many waves: added to what was found, or in its place.
+
+    A warp brings its own lens along: rigid effects named beside it must be worth their names.
+    """
+    flexible = [c.effect for c in first if len(c.parameters) > MANY_PARAMETERS]
+    rigid = [c for c in first if c.effect not in flexible]
+    tried = [diagnosis.try_effect(e) for e in flexible if diagnosis.promise(e) >= LEAST_PROMISE]
+    further = climbed(diagnosis, tried + best.left, excess, most_steps, progress, taken=best.steps)
+    found = min((best, further), key=lambda o: o.share_left)
+    if best.steps and further.steps[-1:] != best.steps[-1:]:
+        diagnosis.rebase(start.effects, start.poses)
+        tried = [diagnosis.try_effect(e) for e in flexible]
+        alone = climbed(diagnosis, rigid + tried, excess, most_steps, progress, further.steps[-1].effect)
+        if alone.verdict == "explained" and len(alone.steps) < len(found.steps):
+            return alone
+    return found
 
 
 def better(outcome, other):
