@@ -262,7 +262,8 @@ class Diagnosis:
         predictions, _ = self.fitter.start(effects, self.poses, indices)
         groups = self.fitter.residuals_of(effects, self.poses, predictions, indices)
         nu = NU * width_of(groups) ** 2
-        H, g, _ = self.fitter.normal_equations(effects, free, self.poses, predictions, groups, indices, nu, start_step)
+        derivatives = self.fitter.derivatives(effects, free, self.poses, groups, indices, start_step)
+        H, g, _ = self.fitter.normal_equations(derivatives, effects, free, groups, nu)
         scale = np.sqrt(np.maximum(np.diag(H), 1e-12))
         g, H = g / scale, H / np.outer(scale, scale)
         gain = float(g @ np.linalg.lstsq(H + 1e-6 * np.eye(len(g)), g, rcond=None)[0])

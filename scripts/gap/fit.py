@@ -24,6 +24,7 @@ LOST_PLATE = 6.0  # whitened residual charged per feature of a plate that only t
 GROUPS = ("corners", "levels", "edges", "colour", "field", "noise", "pose")
 STILL_FAR = 0.1  # share of its loss above which a step says that the next one gains as well
 PREDICTIONS_KEPT = 4000  # some 20 kB each
+OLDEST_DERIVATIVES = 3  # steps that derivatives serve: they cost a prediction a parameter
 POSE_STEP = np.array([1e-5] * 3 + [1e-5] * 3)
 
 
@@ -297,15 +298,17 @@ class Fitter:
         covariance = np.zeros((len(free), len(free)))
         converged = not free
         lower, upper = bounds_of(free)
-        damping = 1e-4
+        damping, age = 1e-4, OLDEST_DERIVATIVES
         for _ in range(iterations):
             theta = np.array([get_parameter(effects, f) for f in free])
             nu = NU * width**2
             loss = total(groups, nu) + prior_loss(free, theta)
-            H, g, blocks = self.normal_equations(effects, free, poses, predictions, groups, train, nu)
+            if age >= OLDEST_DERIVATIVES:
+                derivatives, age = self.derivatives(effects, free, poses, groups, train), 0
+            H, g, blocks = self.normal_equations(derivatives, effects, free, groups, nu)
             covariance = np.linalg.pinv(H + np.diag(np.full(len(free), 1e-12))) if free else covariance
             accepted = False
-            for _ in range(4):
+            for _ in range(1 if age else 4):
                 d = np.linalg.solve(H + np.diag(np.diag(H) * damping + 1e-12), g) if free else np.zeros(0)
                 d = np.clip(theta + d, lower, upper) - theta
                 trial_poses = poses.copy()
@@ -318,41 +321,53 @@ class Fitter:
                 if trial_loss <= loss + 1e-9:
                     accepted = True
                     break
-                damping = max(damping, 1e-2) * 10
+                damping = max(damping, 1e-2) * 10 if age == 0 else damping
+            stale, age = age > 0, age + 1
             if not accepted:
+                age = OLDEST_DERIVATIVES
+                if stale:
+                    continue
                 converged = width == 1.0
                 if converged:
                     break
                 width = 1.0
                 continue
             gain = loss - trial_loss
+            derivatives = updated(derivatives, groups, trial_groups, d, trial_poses - poses, np.diag(H))
             effects, poses, predictions, offsets = trial, trial_poses, trial_predictions, trial_offsets
             groups = trial_groups
             damping = max(damping / 10, 1e-6)
             if width == 1.0 and gain < max(1.0, 1e-3 * loss):
-                converged = True
-                break
+                if not stale:
+                    converged = True
+                    break
+                age = OLDEST_DERIVATIVES
             if gain < STILL_FAR * loss:  # a robust loss hides what is far: come near before narrowing
                 width = max(1.0, width / 3)
         return Fit(State(effects, poses, offsets), total(groups, NU), covariance, converged)
 
-    def normal_equations(self, effects, free, poses, predictions, groups, train, nu, step_of=None):
-        """Return (H, g, pose blocks) of a Gauss-Newton step of the free parameters, poses eliminated.
+    def derivatives(self, effects, free, poses, groups, train, step_of=None):
+        """Return {i: (Jt, Jp)}: d (twin, whitened) by the free parameters (n, k) and by the capture's pose (n, 6).
 
         ``step_of`` (parameter, value) -> step of derivatives by images; gap.fit.image_step where None.
         """
         step_of = step_of or image_step
-        k = len(free)
+        out = {}
+        for i in train:
+            columns = [self._column(i, effects, f, poses[i], groups[i], step_of) for f in free]
+            Jt = np.stack(columns, axis=1) if columns else np.zeros((len(flatten(groups[i])), 0))
+            out[i] = Jt, self._pose_columns(i, effects, poses[i], groups[i])
+        return out
+
+    @staticmethod
+    def normal_equations(derivatives, effects, free, groups, nu):
+        """Return (H, g, pose blocks) of a Gauss-Newton step of the free parameters, poses eliminated."""
         null, precision = priors_of(free)
         H, blocks = np.diag(precision), []
         g = precision * (null - np.array([get_parameter(effects, f) for f in free]))
-        for i in train:
+        for i, (Jt, Jp) in derivatives.items():
             y = flatten(groups[i])
             weight = 1 / (1 + y * y / nu)
-            Jt = np.zeros((len(y), k))
-            for n, f in enumerate(free):
-                Jt[:, n] = self._column(i, effects, f, poses[i], groups[i], step_of)
-            Jp = self._pose_columns(i, effects, poses[i], groups[i])
             wJp = weight[:, None] * Jp
             A = Jp.T @ wJp + 1e-9 * np.eye(6)
             b = wJp.T @ y
@@ -415,6 +430,22 @@ class Fitter:
             features[:, :8] += np.nan_to_num(shift)
             out[i] = self.residual_vector(i, effects, better[i], replace(predictions[i], features=features))
         return better, out
+
+
+def updated(derivatives, before, after, d, d_poses, scale):
+    """Return derivatives after a step of the parameters (k,) and poses (n, 6) that agree with what it changed.
+
+    ``scale`` (k,) are the parameters' precisions. Source: C. G. Broyden, "A class of methods for solving nonlinear
+    simultaneous equations" (1965).
+    """
+    length = (scale * d * d).sum()
+    if length <= 0:
+        return derivatives
+    out = {}
+    for i, (Jt, Jp) in derivatives.items():
+        missed = flatten(before[i]) - flatten(after[i]) - Jt @ d - Jp @ d_poses[i]
+        out[i] = Jt + np.outer(missed, scale * d) / length, Jp
+    return out
 
 
 def width_of(groups):
