@@ -13,6 +13,7 @@ import numpy as np
 LEVELS_PX = (0.0, 0.25, 0.35, *(0.5 * 2 ** (k / 4) for k in range(16)), 8.0)
 COARSE_BELOW_PX = 0.5
 PIECES_PER_DISC = 64
+TILE_PX = 128
 
 
 @functools.lru_cache(maxsize=64)
@@ -52,17 +53,37 @@ def convolve(image, kernel, border=cv2.BORDER_REPLICATE):
 def varying_blur(image, sigma_px, blur=gaussian):
     """Return the image blurred by a standard deviation (rows, columns), pixels, 0 to 8, that varies slowly.
 
-    Between two levels the blurred images are mixed so that variances, hence spreads, are exact and smooth.
+    Between two levels the blurred images are mixed so that variances, hence spreads, are exact and smooth. It goes tile
+    by tile: one needs few levels.
     """
     variance = (sigma_px * sigma_px).astype(np.float32)
-    smallest, largest = float(sigma_px.min()), float(sigma_px.max())
-    first = max(k for k, level in enumerate(LEVELS_PX) if level <= smallest)
-    lower_level, lower = LEVELS_PX[first], blur(image, LEVELS_PX[first])
+    out = np.empty_like(image)
+    for top in range(0, image.shape[0], TILE_PX):
+        for left in range(0, image.shape[1], TILE_PX):
+            tile = slice(top, top + TILE_PX), slice(left, left + TILE_PX)
+            out[tile] = _blurred_tile(image, variance[tile], top, left, blur)
+    return out
+
+
+def _blurred_tile(image, variance, top, left, blur):
+    """Return the blurred part of the image that ``variance`` (rows, columns) covers from row ``top``, column ``left``."""
+    height, width = variance.shape
+
+    def blurred(level):
+        pad = int(np.ceil(5 * level)) + 3
+        first_row, first_column = max(top - pad, 0), max(left - pad, 0)
+        part = image[first_row : top + height + pad, first_column : left + width + pad]
+        part = blur(np.ascontiguousarray(part), level)
+        return part[top - first_row :, left - first_column :][:height, :width]
+
+    smallest, largest = np.sqrt(variance.min()), np.sqrt(variance.max())
+    first = max(k for k, level in enumerate(LEVELS_PX) if level <= smallest or k == 0)
+    lower_level, lower = LEVELS_PX[first], blurred(LEVELS_PX[first])
     out = lower
     for level in LEVELS_PX[first + 1 :]:
         if largest <= lower_level:
             break
-        upper = blur(image, level)
+        upper = blurred(level)
         share = (variance - np.float32(lower_level**2)) / np.float32(level**2 - lower_level**2)
         out = out + (upper - lower) * np.clip(share, 0, 1)[..., None]
         lower_level, lower = level, upper

@@ -215,21 +215,24 @@ def photometric(image, view, chosen, noise_dn, rng):
     rng None gives the expected image: no random noise, neither declared nor of an effect.
     """
     found = active(chosen, "apply")
+    colour = any(getattr(m, "MAKES_COLOUR", False) for m, _ in found)
+
+    def apply(image, stage):
+        for module, p in found:
+            if module.STAGE == stage:
+                image = module.apply(image, view, p, rng)
+        return image
+
     image = np.asarray(image, np.float32)
-    if any(getattr(m, "MAKES_COLOUR", False) for m, _ in found) and image.shape[2] == 1:
-        image = np.repeat(image, 3, axis=2)
     if view.exposure != 1.0:
         image = image * np.float32(view.exposure)
-    for module, p in found:
-        if module.STAGE != "processing":
-            image = module.apply(image, view, p, rng)
-    image = encode(image, view.encoding)
+    image = apply(apply(image, "lens"), "shutter")
+    if colour and image.shape[2] == 1:
+        image = np.repeat(image, 3, axis=2)  # late: what lies before costs a third
+    image = encode(apply(image, "sensor"), view.encoding)
     if rng is not None and noise_dn > 0:
         image = image + np.float32(noise_dn) * rng.standard_normal(image.shape, dtype=np.float32)
-    for module, p in found:
-        if module.STAGE == "processing":
-            image = module.apply(image, view, p, rng)
-    return image
+    return apply(image, "processing")
 
 
 def form_image(radiance, view, chosen, noise_dn, rng):

@@ -28,6 +28,7 @@ MANY_PARAMETERS = 12
 FIRST_STEPS = 3  # that are tried one after the other, until one climb closes the gap well
 HARDLY_CLOSED = 0.6  # share above which what helped a little gets no name
 LEAST_PROMISE = LEAST_GAIN  # first-order gain in training loss below which an effect is not fitted
+SHARE_OF_BEST = 0.01  # of the best promise: less is not fitted in this step either
 # Floors come from trials; they differ by more only where the twin is still wrong
 SMALLEST_FLOOR = {"corners": 0.25, "edges": 0.25, "levels": 0.5, "colour": 0.5, "field": 0.5, "noise": 0.5}
 LARGEST_FLOOR = 1.5
@@ -358,9 +359,9 @@ def excess_of(groups, floors):
 
 
 def is_promising(effect, promises, most=TRIED):
-    """Return whether an effect's promise is worth a fit: more than nothing, and among the ``most`` best."""
+    """Return whether an effect's promise is worth a fit: more than nothing, among the ``most`` best, and near the best."""
     best = sorted(promises, key=lambda n: (-promises[n], n))[:most]
-    return effect in best and promises[effect] >= LEAST_PROMISE
+    return effect in best and promises[effect] >= max(LEAST_PROMISE, SHARE_OF_BEST * promises[best[0]])
 
 
 def losses_of(groups):
