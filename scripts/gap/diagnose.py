@@ -9,7 +9,19 @@ from itertools import zip_longest
 import numpy as np
 
 from effects import pipeline
-from gap.fit import NU, RHO_NOISE, Fitter, State, flatten, image_step, is_geometric, rho, spec, width_of
+from gap.fit import (
+    NU,
+    RHO_NOISE,
+    Fitter,
+    State,
+    flatten,
+    image_step,
+    is_geometric,
+    prior_equations,
+    rho,
+    spec,
+    width_of,
+)
 from gap.observe import SMALLEST_SIDE_PX, code_sides_px, wholly_inside
 from rig.geometry import station_pose
 
@@ -28,6 +40,8 @@ MANY_PARAMETERS = 12
 FIRST_STEPS = 3  # that are tried one after the other, until one climb closes the gap well
 HARDLY_CLOSED = 0.6  # share above which what helped a little gets no name
 LEAST_PROMISE = LEAST_GAIN  # first-order gain in training loss below which an effect is not fitted
+MOST_STARTS = 3  # that are fitted, the most promising
+LONGEST_WAY = 1e4  # whitened residual beyond which a start says no more
 SHARE_OF_BEST = 0.01  # of the best promise: less is not fitted in this step either
 # Floors come from trials; they differ by more only where the twin is still wrong
 SMALLEST_FLOOR = {"corners": 0.25, "edges": 0.25, "levels": 0.5, "colour": 0.5, "field": 0.5, "noise": 0.5}
@@ -253,22 +267,45 @@ class Diagnosis:
         self.rebase([(n, p) for n, p in record["effects"]], np.array(record["poses"]))
 
     def promise(self, effect):
-        """Return the training loss that an effect could gain, to first order, from the best of its starts.
+        """Return the training loss that an effect could gain, to first order: about its null, or towards a start.
 
-        Cheap (one prediction a parameter); what promises next to nothing is not fitted.
+        Cheap (a prediction for each parameter and start); what promises next to nothing is not fitted.
         """
         free = [(effect, k) for k in null_of(effect)]
         effects = self.effects + [(effect, null_of(effect))]
-        indices = probes(self.train)
-        predictions, _ = self.fitter.start(effects, self.poses, indices)
-        groups = self.fitter.residuals_of(effects, self.poses, predictions, indices)
-        nu = NU * width_of(groups) ** 2
+        indices, groups, nu = self._probed(effects)
         derivatives = self.fitter.derivatives(effects, free, self.poses, groups, indices, start_step)
-        H, g, _ = self.fitter.normal_equations(derivatives, effects, free, groups, nu)
+        H, g, _ = self.fitter.normal_equations(derivatives, groups, nu, prior_equations(effects, free))
         scale = np.sqrt(np.maximum(np.diag(H), 1e-12))
         g, H = g / scale, H / np.outer(scale, scale)
         gain = float(g @ np.linalg.lstsq(H + 1e-6 * np.eye(len(g)), g, rcond=None)[0])
-        return gain * len(self.train) / max(len(indices), 1)
+        starts = starts_of(effect)
+        towards = self.start_promises(effect, starts) if len(starts) > 1 else []
+        return max([gain * len(self.train) / max(len(indices), 1), *towards])
+
+    def start_promises(self, effect, starts):
+        """Return for each of an effect's starts the training loss that going some of the way there gains."""
+        nulls = self.effects + [(effect, null_of(effect))]
+        indices, groups, nu = self._probed(nulls)
+        gains = []
+        for start in starts:
+            effects, derivatives = self.effects + [(effect, start)], {}
+            for i in indices:
+                there = self.fitter.residual_vector(
+                    i, effects, self.poses[i], self.fitter.predict(i, effects, self.poses[i])
+                )
+                way = np.clip(flatten(groups[i]) - flatten(there), -LONGEST_WAY, LONGEST_WAY)[:, None]
+                derivatives[i] = way, self.fitter.pose_columns(i, nulls, self.poses[i], groups[i])
+            H, g, _ = self.fitter.normal_equations(derivatives, groups, nu, (np.zeros((1, 1)), np.zeros(1)))
+            gains.append(float(max(g[0], 0.0) ** 2 / max(H[0, 0], 1e-12)) * len(self.train) / len(indices))
+        return gains
+
+    def _probed(self, effects):
+        """Return (indices of the probes, their residual groups, robust scale) of a list of effects."""
+        indices = probes(self.train)
+        predictions, _ = self.fitter.start(effects, self.poses, indices)
+        groups = self.fitter.residuals_of(effects, self.poses, predictions, indices)
+        return indices, groups, NU * width_of(groups) ** 2
 
     def promises(self, names=None):
         """Return {effect: promise} of candidates (all, or some names) that the base has not."""
@@ -294,6 +331,9 @@ class Diagnosis:
         free = [(effect, k) for k in null_of(effect)]
         best = None
         starts = starts_of(effect)
+        if len(starts) > MOST_STARTS:
+            gains = self.start_promises(effect, starts)
+            starts = [starts[k] for k in np.argsort(gains)[::-1][:MOST_STARTS]]
         probe = probes(self.train)
         if len(starts) > 1:
             scored = []

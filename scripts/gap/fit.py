@@ -305,7 +305,7 @@ class Fitter:
             loss = total(groups, nu) + prior_loss(free, theta)
             if age >= OLDEST_DERIVATIVES:
                 derivatives, age = self.derivatives(effects, free, poses, groups, train), 0
-            H, g, blocks = self.normal_equations(derivatives, effects, free, groups, nu)
+            H, g, blocks = self.normal_equations(derivatives, groups, nu, prior_equations(effects, free))
             covariance = np.linalg.pinv(H + np.diag(np.full(len(free), 1e-12))) if free else covariance
             accepted = False
             for _ in range(1 if age else 4):
@@ -356,15 +356,16 @@ class Fitter:
         for i in train:
             columns = [self._column(i, effects, f, poses[i], groups[i], step_of) for f in free]
             Jt = np.stack(columns, axis=1) if columns else np.zeros((len(flatten(groups[i])), 0))
-            out[i] = Jt, self._pose_columns(i, effects, poses[i], groups[i])
+            out[i] = Jt, self.pose_columns(i, effects, poses[i], groups[i])
         return out
 
     @staticmethod
-    def normal_equations(derivatives, effects, free, groups, nu):
-        """Return (H, g, pose blocks) of a Gauss-Newton step of the free parameters, poses eliminated."""
-        null, precision = priors_of(free)
-        H, blocks = np.diag(precision), []
-        g = precision * (null - np.array([get_parameter(effects, f) for f in free]))
+    def normal_equations(derivatives, groups, nu, prior):
+        """Return (H, g, pose blocks) of a Gauss-Newton step of the free parameters, poses eliminated.
+
+        ``prior`` (H, g) is what the parameters' priors add.
+        """
+        (H, g), blocks = (part.copy() for part in prior), []
         for i, (Jt, Jp) in derivatives.items():
             y = flatten(groups[i])
             weight = 1 / (1 + y * y / nu)
@@ -395,7 +396,8 @@ class Fitter:
         column = -(flatten(changed) - flatten(groups)) / h
         return np.clip(column, -1e6, 1e6)
 
-    def _pose_columns(self, i, effects, delta, groups):
+    def pose_columns(self, i, effects, delta, groups):
+        """Return d (twin, whitened) / d pose (n, 6) of capture i."""
         w = self.whiteners[i]
         J = self._spread_corners(w, self.pose_jacobian(i, effects, delta), groups)
         J[-6:] = -np.diag(np.sqrt(self.prior))
@@ -492,6 +494,12 @@ def priors_of(free):
     null = np.array([spec(f).null for f in free], float)
     spread = np.array([spec(f).spread or np.inf for f in free], float)
     return null, 1 / spread**2
+
+
+def prior_equations(effects, free):
+    """Return (H, g) of the parameters' priors."""
+    null, precision = priors_of(free)
+    return np.diag(precision), precision * (null - np.array([get_parameter(effects, f) for f in free]))
 
 
 def prior_loss(free, theta):
