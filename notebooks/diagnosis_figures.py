@@ -8,6 +8,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
+from rig.words import with_error
+
 MEASURES = {
     "corner_rmse_px": "corners (px)",
     "intensity_rmse_dn": "grey levels (DN)",
@@ -96,9 +98,7 @@ def words(diagnosis):
     if diagnosis["verdict"] == "adequate":
         lines.append(f"Nothing is missing: the held-out gap is {diagnosis['gap']:.2f} floors.")
     for step in steps:
-        values = ", ".join(
-            f"{k} = {p['value']:.4g}" + (f" ± {p['se']:.2g}" if p["se"] else "") for k, p in step["parameters"].items()
-        )
+        values = ", ".join(f"{k} = {with_error(p['value'], p['se'])}" for k, p in step["parameters"].items())
         few = values if len(step["parameters"]) <= 6 else f"{len(step['parameters'])} parameters"
         line = f"- **{step['effect']}** ({few}): the gap falls from {step['gap_before']:.2f} to {step['gap_after']:.2f} floors"
         if step["confused_with"]:

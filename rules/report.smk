@@ -121,7 +121,7 @@ use rule run_figure3 as run_diagnosis with:
         notebook="notebooks/diagnosis.ipynb",
         helpers=["notebooks/figures.py", "notebooks/diagnosis_figures.py"],
         template="scripts/page_template.html.j2",
-        code=modules("job.py", "rig/geometry.py", "rig/plates.py"),
+        code=modules("job.py", "rig/geometry.py", "rig/plates.py", "rig/words.py"),
     output:
         notebook=f"{RESULTS}/notebooks/diagnosis.ipynb",
         page=f"{RESULTS}/report/diagnosis.html",
@@ -189,7 +189,7 @@ rule build_report:
         ladder=[path for path in DIAGNOSIS if path.endswith("ladder.csv")],
         template="scripts/report_template.html.j2",
         frame="scripts/page_template.html.j2",
-        code=modules("job.py", "run_notebook.py"),
+        code=modules("job.py", "run_notebook.py", "rig/words.py"),
     output:
         page=f"{RESULTS}/report/index.html",
     log:

@@ -6,7 +6,17 @@ from pathlib import Path
 import pandas as pd
 
 import job
+from rig.words import with_error
 from run_notebook import render, title_of
+
+LADDER = {
+    "corner_rmse_px": "corners, px",
+    "intensity_rmse_dn": "grey levels, DN",
+    "detection_disagreement_pct": "detection disagrees, %",
+    "delta_distance_cm": "distance, cm",
+    "delta_rotation_deg": "rotation, °",
+    "gap": "gap, floors",
+}
 
 
 def pictures_of(notebook):
@@ -89,13 +99,11 @@ def listed(names):
 
 
 def effect_words(step):
-    """Return an effect with its parameters, such as ``radial distortion (k1 0.171 ± 0.002)``; of many the number."""
-    parameters, values = step.get("parameters", {}), []
+    """Return an effect with its parameters, such as ``radial distortion (k1 0.1712 ± 0.0020)``; of many the number."""
+    parameters = step.get("parameters", {})
     if len(parameters) > MOST_TOLD:
         return f"{plain(step['effect'])} ({len(parameters)} parameters)"
-    for name, p in parameters.items():
-        error = f" ± {p['se']:.2g}" if p.get("se") is not None else ""
-        values.append(f"{name} {p['value']:.4g}{error}")
+    values = [f"{name} {with_error(p['value'], p.get('se'))}" for name, p in parameters.items()]
     return plain(step["effect"]) + (f" ({', '.join(values)})" if values else "")
 
 
@@ -129,15 +137,18 @@ def verdict_words(diagnosis):
 
 
 def ladder_rows(path):
-    """Return (headings, rows of text) of the ladder, rounded for reading."""
-    ladder = pd.read_csv(path)
+    """Return (headings, rows of text) of the ladder as one reads it: a row a twin, then the camera's floors."""
+    rows = []
+    for camera, steps in pd.read_csv(path).groupby("camera", sort=False):
+        for step in steps.to_dict("records"):
+            twin = plain(step["effect"]) if step["step"] == 0 else f"+ {plain(step['effect'])}"
+            rows.append([camera, twin, *(_short(step[measure]) for measure in LADDER)])
+        rows.append([camera, "floor", *(_short(step[f"{measure}_floor"]) for measure in LADDER)])
+    return ["camera", "twin", *LADDER.values()], rows
 
-    def text(value):
-        if pd.isna(value):
-            return ""
-        return f"{value:.3g}" if isinstance(value, float) else str(value)
 
-    return list(ladder.columns), [[text(v) for v in row] for row in ladder.itertuples(index=False)]
+def _short(value):
+    return "" if pd.isna(value) else f"{value:.3g}"
 
 
 def build_report(

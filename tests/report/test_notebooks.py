@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from aggregate.small_campaign import detection, write, write_tables
-from build_report import build_report, verdict_words
+from build_report import build_report, ladder_rows, verdict_words
 from run_notebook import run_notebook
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -110,6 +110,27 @@ def test_report_joins_pages_and_says_simulated(run):
     assert 'href="tables.html"' in html and 'href="../tables/table1.csv"' in html
 
 
+def test_the_ladder_ends_each_camera_with_its_floors(tmp_path):
+    """If floors stood beside another camera's steps a reader would take an error for closed that is not."""
+    measures = ["corner_rmse_px", "intensity_rmse_dn", "detection_disagreement_pct", "delta_distance_cm"]
+    measures += ["delta_rotation_deg", "gap"]
+    steps = [("a", 0, "ideal", 8.0, 1.0), ("a", 1, "lens_blur", 1.04, 1.0), ("b", 0, "ideal", None, 2.0)]
+    table = [
+        {"camera": c, "step": k, "effect": e, **dict.fromkeys(measures, v), **{f"{m}_floor": f for m in measures}}
+        for c, k, e, v, f in steps
+    ]
+    pd.DataFrame(table).to_csv(tmp_path / "ladder.csv", index=False)
+    headings, rows = ladder_rows(tmp_path / "ladder.csv")
+    assert headings[:3] == ["camera", "twin", "corners, px"]
+    assert [row[:3] for row in rows] == [
+        ["a", "ideal", "8"],
+        ["a", "+ lens blur", "1.04"],
+        ["a", "floor", "1"],
+        ["b", "ideal", ""],
+        ["b", "floor", "2"],
+    ]
+
+
 def test_verdict_is_put_in_words_from_its_numbers():
     """If the words and the file disagreed a reader would adopt the wrong effect."""
     steps = [
@@ -119,7 +140,7 @@ def test_verdict_is_put_in_words_from_its_numbers():
     steps[0]["parameters"] = {"k1": {"value": 0.1712, "se": 0.002}}
     where = [{"observable": "corner_dx", "covariate": "image_radius", "share": 0.71}]
     words = verdict_words({"verdict": "explained", "steps": steps, "where": where})
-    assert "radial distortion (k1 0.1712 ± 0.002) and lens blur;" in words
+    assert "radial distortion (k1 0.1712 ± 0.0020) and lens blur;" in words
     assert "corner dx along image radius, which explains 71 %" in words
     assert "from 6.20 to 1.04" in words
     assert "motion blur" in words
