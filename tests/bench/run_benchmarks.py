@@ -9,6 +9,7 @@ RUNS = [
     ["bench_geometry.py"],
     ["bench_render.py"],
     ["bench_repeatability.py"],
+    ["bench_diagnose.py"],
     ["bench_calibration.py"],
     ["bench_detectors.py"],
     ["bench_moving.py"],

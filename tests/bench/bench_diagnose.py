@@ -1,0 +1,60 @@
+"""What a verdict costs: ``python tests/bench/bench_diagnose.py [--effects NAME ...]``.
+
+Lays down one campaign an effect (20 captures of half a megapixel, one camera; nothing is hidden in ``nothing``) and times
+``snakemake --cores 2 diagnose`` of it, all candidates, in a copy of the project; with the largest memory of any one process.
+"""
+
+import argparse
+import json
+import resource
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests"), str(ROOT / "tests/bench")]
+
+import pandas as pd
+
+from lay_down_trials import lay_down_trial
+from workflow_runs import copy_project, snakemake
+
+NOTHING = "nothing"
+EFFECTS = (NOTHING, "lens_blur", "radial_distortion", "specular_highlight", "sensor_noise")
+LONGEST_S = 3600
+
+
+def timed(folder, project, effect):
+    """Return a row: what is hidden, the verdict, its seconds."""
+    kind, hidden = ("none", None) if effect == NOTHING else ("single", effect)
+    name, _ = lay_down_trial(folder / "campaigns", folder / "envelopes", kind, 0, "cost", hidden)
+    start = time.perf_counter()
+    status, said = snakemake(
+        project, "--cores", 2, "diagnose", "--config", f"campaign={folder / 'campaigns' / name}", timeout_s=LONGEST_S
+    )
+    seconds = time.perf_counter() - start
+    if status:
+        sys.exit(said[-5000:])
+    (file,) = (project / "results" / name / "diagnosis").glob("*.json")
+    verdict = json.loads(file.read_text())
+    named = ", ".join(step["effect"] for step in verdict["steps"])
+    return {"hidden": effect, "verdict": verdict["verdict"], "named": named, "s": round(seconds, 1)}
+
+
+def main():
+    """Read the command line and measure."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--effects", nargs="+", default=EFFECTS)
+    effects = parser.parse_args().effects
+    with tempfile.TemporaryDirectory() as folder:
+        folder = Path(folder)
+        project = copy_project(folder / "project")
+        rows = pd.DataFrame([timed(folder, project, effect) for effect in effects])
+    print(rows.to_markdown(index=False))
+    gib = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 2**20
+    print(f"\nmedian {rows.s.median():.0f} s; largest memory of one process {gib:.2f} GiB")
+
+
+if __name__ == "__main__":
+    main()
