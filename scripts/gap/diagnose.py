@@ -3,6 +3,7 @@
 Losses are sums of the robust loss over whitened residuals (gap.fit); gaps are in units of the floor.
 """
 
+import math
 from dataclasses import dataclass, field, replace
 from itertools import zip_longest
 
@@ -20,6 +21,7 @@ from gap.fit import (
     prior_equations,
     rho,
     spec,
+    total,
     width_of,
 )
 from gap.observe import SMALLEST_SIDE_PX, code_sides_px, wholly_inside
@@ -38,9 +40,10 @@ MOST_OF_A_GROUP = 0.6  # of the excess of one group of observables, that is enou
 CLOSED = 0.2  # share of the first excess up to which the climb has closed the gap, though above the floor
 MANY_PARAMETERS = 12
 FIRST_STEPS = 3  # that are tried one after the other, until one climb closes the gap well
-HARDLY_CLOSED = 0.6  # share above which what helped a little gets no name
+HARDLY_CLOSED = 0.4  # share above which what helped a little gets no name
 LEAST_PROMISE = LEAST_GAIN  # first-order gain in training loss below which an effect is not fitted
-MOST_STARTS = 3  # that are fitted, the most promising
+MOST_STARTS = 2  # that are fitted, the most promising, and as many that are nearest
+LEAPING_WIDTH = 10.0  # robust scale at which whole values are compared
 LONGEST_WAY = 1e4  # whitened residual beyond which a start says no more
 SHARE_OF_BEST = 0.01  # of the best promise: less is not fitted in this step either
 # Floors come from trials; they differ by more only where the twin is still wrong
@@ -280,25 +283,42 @@ class Diagnosis:
         g, H = g / scale, H / np.outer(scale, scale)
         gain = float(g @ np.linalg.lstsq(H + 1e-6 * np.eye(len(g)), g, rcond=None)[0])
         starts = starts_of(effect)
-        towards = self.start_promises(effect, starts) if len(starts) > 1 else []
+        towards, _ = self.start_promises(effect, starts) if len(starts) > 1 else ([], [])
         return max([gain * len(self.train) / max(len(indices), 1), *towards])
 
     def start_promises(self, effect, starts):
-        """Return for each of an effect's starts the training loss that going some of the way there gains."""
+        """Return for each of an effect's starts what going some of the way there gains, and the loss of the start itself.
+
+        The first sees a highlight from afar, the second a compression that changes by leaps.
+        """
         nulls = self.effects + [(effect, null_of(effect))]
         indices, groups, nu = self._probed(nulls)
-        gains = []
+        gains, losses = [], []
         for start in starts:
-            effects, derivatives = self.effects + [(effect, start)], {}
+            effects, derivatives, loss = self.effects + [(effect, start)], {}, 0.0
             for i in indices:
                 there = self.fitter.residual_vector(
                     i, effects, self.poses[i], self.fitter.predict(i, effects, self.poses[i])
                 )
+                loss += total({i: there}, nu)
                 way = np.clip(flatten(groups[i]) - flatten(there), -LONGEST_WAY, LONGEST_WAY)[:, None]
                 derivatives[i] = way, self.fitter.pose_columns(i, nulls, self.poses[i], groups[i])
             H, g, _ = self.fitter.normal_equations(derivatives, groups, nu, (np.zeros((1, 1)), np.zeros(1)))
             gains.append(float(max(g[0], 0.0) ** 2 / max(H[0, 0], 1e-12)) * len(self.train) / len(indices))
-        return gains
+            losses.append(loss)
+        return gains, losses
+
+    def best_leap(self, effect, name):
+        """Return the start of an effect whose image changes by leaps with a parameter: the best of its whole values."""
+        i, parameter, best = self.train[0], spec((effect, name)), None
+        for value in range(math.ceil(parameter.lower), math.floor(parameter.upper) + 1):
+            effects = self.effects + [(effect, null_of(effect) | {name: float(value)})]
+            prediction = self.fitter.predict(i, effects, self.poses[i])
+            groups = {i: self.fitter.residual_vector(i, effects, self.poses[i], prediction)}
+            loss = total(groups, NU * LEAPING_WIDTH**2)
+            if best is None or loss < best[0]:
+                best = loss, value
+        return null_of(effect) | {name: float(best[1])}
 
     def _probed(self, effects):
         """Return (indices of the probes, their residual groups, robust scale) of a list of effects."""
@@ -331,9 +351,13 @@ class Diagnosis:
         free = [(effect, k) for k in null_of(effect)]
         best = None
         starts = starts_of(effect)
+        leaping = getattr(pipeline.effect_named(effect), "LEAPS", None)
+        if leaping:
+            starts = [self.best_leap(effect, leaping)]
         if len(starts) > MOST_STARTS:
-            gains = self.start_promises(effect, starts)
-            starts = [starts[k] for k in np.argsort(gains)[::-1][:MOST_STARTS]]
+            gains, losses = self.start_promises(effect, starts)
+            best = {*np.argsort(gains)[-MOST_STARTS:], *np.argsort(losses)[:MOST_STARTS]}
+            starts = [starts[k] for k in sorted(best)]
         probe = probes(self.train)
         if len(starts) > 1:
             scored = []
