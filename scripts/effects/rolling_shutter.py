@@ -1,19 +1,23 @@
 """Rolling shutter: rows are read one after the other while the camera moves.
 
-A row y' is read at a time that is counted from the middle row c. A turning camera shifts what it shows by
-x' = x + skew_x (y' - c), y' = y + skew_y (y' - c): y' - c = (y - c) / (1 - skew_y).
-A sliding camera shifts near things more: a share slide_m / z of the focal length over the whole read-out, z the depth
-of the ground plane. Source: Meingast, Geyer and Sastry, "Geometric models of rolling-shutter cameras" (2005).
+A row y' is read at a time t that is counted in rows from the middle one. What moves evenly over the image shifts by
+x' = x + skew_x t, y' = y + skew_y t. A camera that pans by pan_x t / f (radians, about its vertical axis) turns every ray,
+which shifts the image's sides more than its middle. A sliding camera shifts near things more: a share slide_m / z of the
+focal length over the whole read-out, z the depth of the ground plane. Source: Meingast, Geyer and Sastry, "Geometric
+models of rolling-shutter cameras" (2005).
 """
 
 import numpy as np
 
-from effects.base import Parameter, to_rays
+from effects.base import Parameter, to_pixels, to_rays
 
 STAGE, ORDER = "shutter", 10
 PARAMETERS = {
-    "skew_x": Parameter("px/row", -0.3, 0.3, 0.0, (0.0,), 0.001, "shift to the right from row to row, camera turning"),
-    "skew_y": Parameter("px/row", -0.3, 0.3, 0.0, (0.0,), 0.001, "shift downwards from row to row, camera turning"),
+    "skew_x": Parameter(
+        "px/row", -0.3, 0.3, 0.0, (0.0,), 0.001, "shift of the whole image to the right from row to row"
+    ),
+    "skew_y": Parameter("px/row", -0.3, 0.3, 0.0, (0.0,), 0.001, "shift of the whole image downwards from row to row"),
+    "pan_x": Parameter("px/row", -0.3, 0.3, 0.0, (0.0,), 0.001, "shift to the right at the middle, camera panning"),
     "slide_m": Parameter("m", -0.2, 0.2, 0.0, (0.0,), 0.0005, "way of the scene to the right over the whole read-out"),
 }
 
@@ -24,7 +28,16 @@ def map_points(xy, view, p, channel):
     shift = np.stack([p["skew_x"] * t, p["skew_y"] * t], axis=1)
     if p["slide_m"] != 0:
         shift[:, 0] += view.K[0, 0] * p["slide_m"] * inverse_depth(xy, view) * t / view.height
+    if p["pan_x"] != 0:
+        shift += panned(xy, p["pan_x"] * t / view.K[0, 0], view) - xy
     return xy + shift
+
+
+def panned(xy, angle, view):
+    """Return where pixels (n, 2) go when the camera turns about its y axis, its scene to the right, by angles (n,), rad."""
+    x, y = to_rays(xy, view).T
+    c, s = np.cos(angle), np.sin(angle)
+    return to_pixels(np.stack([x * c + s, y], axis=1) / (c - x * s)[:, None], view)
 
 
 def inverse_depth(xy, view):

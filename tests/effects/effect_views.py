@@ -16,7 +16,7 @@ STRONG = {
     "focal_length": {"ratio": 1.05},
     "principal_point": {"dx_px": 3.3, "dy_px": -2.7},
     "lateral_chromatic_aberration": {"red_ratio": 1.01, "blue_ratio": 0.992},
-    "rolling_shutter": {"skew_x": 0.04, "skew_y": -0.03, "slide_m": 0.01},
+    "rolling_shutter": {"skew_x": 0.04, "skew_y": -0.03, "pan_x": 0.02, "slide_m": 0.01},
     "local_warp": {"dx_0_3": 4.0, "dy_2_1": -5.0, "dx_5_2": 1.5},
 }
 
