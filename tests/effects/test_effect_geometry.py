@@ -1,5 +1,6 @@
 """The warped image and the map of points are one geometry: corners go where the points go, within 0.02 px."""
 
+import cv2
 import numpy as np
 import pytest
 from effect_views import MARGIN, STRONG, scene, view
@@ -159,3 +160,17 @@ def test_a_single_board_has_no_rail():
     s = scene().with_(plates=scene().plates[:1])
     bent = pipeline.scene_with_effects(s, [("rail_sag", {"bow_m": 0.02, "slope_m": 0.01, "wave_m": 0.0})])
     np.testing.assert_array_equal(bent.plates[0].T_world_plate, s.plates[0].T_world_plate)
+
+
+def test_a_panning_rolling_shutter_shows_each_row_as_a_turned_camera_does():
+    """A uniform shear in its place leaves the image's sides a third of the shift wrong: it is called a warp."""
+    v, pan = view(), 0.02
+    points = np.array([[5.0, 8.0], [40.0, 200.0], [600.0, 30.0], [300.0, 150.0]])
+    moved = pipeline.effect_named("rolling_shutter").map_points(
+        points, v, pipeline.nulls_of("rolling_shutter") | {"pan_x": pan}, 1
+    )
+    rays = np.column_stack([points, np.ones(len(points))]) @ np.linalg.inv(v.K).T
+    for ray, (_, y), found in zip(rays, points, moved, strict=True):
+        angle = pan * (y - (v.height - 1) / 2) / v.K[0, 0]
+        turned = v.K @ cv2.Rodrigues(np.array([0.0, angle, 0.0]))[0] @ ray
+        assert found == pytest.approx(turned[:2] / turned[2], abs=1e-9)
