@@ -8,16 +8,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from rig.words import with_error
+from rig.words import LADDER, with_error
 
-MEASURES = {
-    "corner_rmse_px": "corners (px)",
-    "intensity_rmse_dn": "grey levels (DN)",
-    "detection_disagreement_pct": "detection disagrees (%)",
-    "delta_distance_cm": "distance (cm)",
-    "delta_rotation_deg": "rotation (°)",
-    "gap": "gap (floors)",
-}
 MOST_CANDIDATES = 12
 EXAMPLES = {"real": "real", "configured": "twin as configured", "explained": "twin with what was found"}
 BRIGHTEST_DIFFERENCE_DN = 40
@@ -121,7 +113,7 @@ def words(diagnosis):
 
 def ladder_figure(ladder, camera):
     """Return a figure: every error against the step, its 95 % interval, and its floor."""
-    measures = {m: label for m, label in MEASURES.items() if ladder[m].notna().any()}
+    measures = {m: label for m, label in LADDER.items() if ladder[m].notna().any()}
     rows = -(-len(measures) // 2)
     fig, axes = plt.subplots(rows, 2, figsize=(figures.WIDTH_IN, 1.2 + 1.5 * rows), sharex=True, squeeze=False)
     names = ["ideal" if k == 0 else e for k, e in zip(ladder.step, ladder.effect, strict=True)]

@@ -6,17 +6,8 @@ from pathlib import Path
 import pandas as pd
 
 import job
-from rig.words import with_error
+from rig.words import LADDER, with_error
 from run_notebook import render, title_of
-
-LADDER = {
-    "corner_rmse_px": "corners, px",
-    "intensity_rmse_dn": "grey levels, DN",
-    "detection_disagreement_pct": "detection disagrees, %",
-    "delta_distance_cm": "distance, cm",
-    "delta_rotation_deg": "rotation, °",
-    "gap": "gap, floors",
-}
 
 
 def pictures_of(notebook):

@@ -72,9 +72,9 @@ def demosaiced(image, row, column, corrected):
 def apply(image, view, p, rng):
     """Sample the mosaics and interpolate them."""
     first = view.margin % 2
-    out = image
+    out = image = np.ascontiguousarray(image)
     for name, (row, column) in RED.items():
         if p[name] != 0:
-            shown = demosaiced(np.ascontiguousarray(image), (row + first) % 2, (column + first) % 2, p["corrected"])
+            shown = demosaiced(image, (row + first) % 2, (column + first) % 2, p["corrected"])
             out = out + np.float32(p[name]) * (shown - image)
     return out

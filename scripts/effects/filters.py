@@ -77,7 +77,7 @@ def _blurred_tile(image, variance, top, left, blur):
         return part[top - first_row :, left - first_column :][:height, :width]
 
     smallest, largest = np.sqrt(variance.min()), np.sqrt(variance.max())
-    first = max(k for k, level in enumerate(LEVELS_PX) if level <= smallest or k == 0)
+    first = max(k for k, level in enumerate(LEVELS_PX) if level <= smallest)
     lower_level, lower = LEVELS_PX[first], blurred(LEVELS_PX[first])
     out = lower
     for level in LEVELS_PX[first + 1 :]:

@@ -87,6 +87,11 @@ def key_of(chosen):
     return tuple((n, tuple(sorted(p.items()))) for n, p in sorted(chosen) if p != nulls_of(n))
 
 
+def moves_points(name):
+    """Return whether an effect moves image points."""
+    return hasattr(effect_named(name), "map_points")
+
+
 def in_order(chosen):
     """Return effects [(name, params)] in physical order: by stage, then ORDER, then name."""
 

@@ -96,8 +96,7 @@ class Case:
 
     def scene_of(self, effects):
         """Return (scene, prints, world corners of the codes (p, 4, 3)) of the twin with these effects."""
-        modules = pipeline.available_effects()
-        key = tuple((n, tuple(sorted(p.items()))) for n, p in effects if modules[n].STAGE == "scene")
+        key = pipeline.key_of([(n, p) for n, p in effects if pipeline.effect_named(n).STAGE == "scene"])
         if key not in self._scenes:
             if len(self._scenes) > SCENES_KEPT:
                 self._scenes.clear()
@@ -148,7 +147,7 @@ class Case:
                     return pipeline.map_points(xy, view, effects, channel)
 
             if is_lit(scene):
-                maps = pipeline.key_of([(n, p) for n, p in effects if moves_points(n)])
+                maps = pipeline.key_of([(n, p) for n, p in effects if pipeline.moves_points(n)])
                 geometry = self._geometry_of((view.T_cam_world.tobytes(), prints, maps), view, mapping, channel)
             else:
                 geometry = coverages(prints, view, mapping)
@@ -251,12 +250,7 @@ def follow_neighbours(points, starts, corners, measured):
 
 def has_geometry(effects):
     """Return whether any of the effects moves image points."""
-    return any(moves_points(name) for name, _ in effects)
-
-
-def moves_points(name):
-    """Return whether an effect moves image points."""
-    return hasattr(pipeline.available_effects()[name], "map_points")
+    return any(pipeline.moves_points(name) for name, _ in effects)
 
 
 def printed_plates(scene):

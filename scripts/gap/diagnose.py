@@ -293,32 +293,41 @@ class Diagnosis:
         """
         nulls = self.effects + [(effect, null_of(effect))]
         indices, groups, nu = self._probed(nulls)
+        by_pose = {i: self.fitter.pose_columns(i, nulls, self.poses[i], groups[i]) for i in indices}
         gains, losses = [], []
         for start in starts:
-            effects, derivatives, loss = self.effects + [(effect, start)], {}, 0.0
-            for i in indices:
-                there = self.fitter.residual_vector(
-                    i, effects, self.poses[i], self.fitter.predict(i, effects, self.poses[i])
-                )
-                loss += total({i: there}, nu)
-                way = np.clip(flatten(groups[i]) - flatten(there), -LONGEST_WAY, LONGEST_WAY)[:, None]
-                derivatives[i] = way, self.fitter.pose_columns(i, nulls, self.poses[i], groups[i])
+            effects = self.effects + [(effect, start)]
+            there = {i: self.fitter.residuals_at(i, effects, self.poses[i]) for i in indices}
+            ways = {i: np.clip(flatten(groups[i]) - flatten(there[i]), -LONGEST_WAY, LONGEST_WAY) for i in indices}
+            derivatives = {i: (ways[i][:, None], by_pose[i]) for i in indices}
             H, g, _ = self.fitter.normal_equations(derivatives, groups, nu, (np.zeros((1, 1)), np.zeros(1)))
             gains.append(float(max(g[0], 0.0) ** 2 / max(H[0, 0], 1e-12)) * len(self.train) / len(indices))
-            losses.append(loss)
+            losses.append(total(there, nu))
         return gains, losses
 
     def best_leap(self, effect, name):
         """Return the start of an effect whose image changes by leaps with a parameter: the best of its whole values."""
-        i, parameter, best = self.train[0], spec((effect, name)), None
-        for value in range(math.ceil(parameter.lower), math.floor(parameter.upper) + 1):
-            effects = self.effects + [(effect, null_of(effect) | {name: float(value)})]
-            prediction = self.fitter.predict(i, effects, self.poses[i])
-            groups = {i: self.fitter.residual_vector(i, effects, self.poses[i], prediction)}
-            loss = total(groups, NU * LEAPING_WIDTH**2)
-            if best is None or loss < best[0]:
-                best = loss, value
-        return null_of(effect) | {name: float(best[1])}
+        i, parameter = self.train[0], spec((effect, name))
+        whole = range(math.ceil(parameter.lower), math.floor(parameter.upper) + 1)
+        starts = [null_of(effect) | {name: float(value)} for value in whole]
+
+        def loss(start):
+            groups = self.fitter.residuals_at(i, self.effects + [(effect, start)], self.poses[i])
+            return total({i: groups}, NU * LEAPING_WIDTH**2)
+
+        return min(starts, key=loss)
+
+    def likely_starts(self, effect):
+        """Return those of an effect's starts that are worth a short fit."""
+        leaping = getattr(pipeline.effect_named(effect), "LEAPS", None)
+        if leaping:
+            return [self.best_leap(effect, leaping)]
+        starts = starts_of(effect)
+        if len(starts) <= MOST_STARTS:
+            return starts
+        gains, losses = self.start_promises(effect, starts)
+        chosen = {*np.argsort(gains)[-MOST_STARTS:], *np.argsort(losses)[:MOST_STARTS]}
+        return [starts[k] for k in sorted(chosen)]
 
     def _probed(self, effects):
         """Return (indices of the probes, their residual groups, robust scale) of a list of effects."""
@@ -349,15 +358,7 @@ class Diagnosis:
     def try_effect(self, effect):
         """Return the Candidate of one effect added to the base and fitted."""
         free = [(effect, k) for k in null_of(effect)]
-        best = None
-        starts = starts_of(effect)
-        leaping = getattr(pipeline.effect_named(effect), "LEAPS", None)
-        if leaping:
-            starts = [self.best_leap(effect, leaping)]
-        if len(starts) > MOST_STARTS:
-            gains, losses = self.start_promises(effect, starts)
-            best = {*np.argsort(gains)[-MOST_STARTS:], *np.argsort(losses)[:MOST_STARTS]}
-            starts = [starts[k] for k in sorted(best)]
+        starts = self.likely_starts(effect)
         probe = probes(self.train)
         if len(starts) > 1:
             scored = []
@@ -619,10 +620,11 @@ def _with_flexible(diagnosis, first, start, best, excess, most_steps, progress):
     tried = [diagnosis.try_effect(e) for e in flexible if diagnosis.promise(e) >= LEAST_PROMISE]
     further = climbed(diagnosis, tried + best.left, excess, most_steps, progress, taken=best.steps)
     found = min((best, further), key=lambda o: o.share_left)
-    if best.steps and further.steps[-1:] != best.steps[-1:]:
+    warps = [step.effect for step in further.steps if step.effect in flexible]
+    if best.steps and warps:
         diagnosis.rebase(start.effects, start.poses)
         tried = [diagnosis.try_effect(e) for e in flexible]
-        alone = climbed(diagnosis, rigid + tried, excess, most_steps, progress, further.steps[-1].effect)
+        alone = climbed(diagnosis, rigid + tried, excess, most_steps, progress, warps[0])
         if alone.verdict == "explained" and len(alone.steps) < len(found.steps):
             return alone
     return found

@@ -269,6 +269,10 @@ class Fitter:
         groups["pose"] = delta * np.sqrt(self.prior)
         return groups
 
+    def residuals_at(self, i, effects, delta):
+        """Return the residual groups of capture i for a list of effects."""
+        return self.residual_vector(i, effects, delta, self.predict(i, effects, delta))
+
     def start(self, effects, poses, indices):
         """Return (predictions, offsets): offsets are measured minus exact corners of the twin itself."""
         predictions, offsets = {}, [np.zeros((len(self.case.codes.half_code), 8)) for _ in self.case.captures]
@@ -321,7 +325,8 @@ class Fitter:
                 if trial_loss <= loss + 1e-9:
                     accepted = True
                     break
-                damping = max(damping, 1e-2) * 10 if age == 0 else damping
+                if age == 0:
+                    damping = max(damping, 1e-2) * 10
             stale, age = age > 0, age + 1
             if not accepted:
                 age = OLDEST_DERIVATIVES
@@ -391,9 +396,7 @@ class Fitter:
             return self._spread_corners(w, d[..., None], groups)[:, 0]
         h = step_of(parameter, get_parameter(effects, parameter))
         moved = with_parameters(effects, [parameter], [get_parameter(effects, parameter) + h])
-        other = self.predict(i, moved, delta)
-        changed = self.residual_vector(i, effects, delta, other)
-        column = -(flatten(changed) - flatten(groups)) / h
+        column = -(flatten(self.residuals_at(i, moved, delta)) - flatten(groups)) / h
         return np.clip(column, -1e6, 1e6)
 
     def pose_columns(self, i, effects, delta, groups):
@@ -529,7 +532,6 @@ def is_geometric(parameter):
 
 def geometric_key(effects):
     """Return a key of everything that decides the radiance before photometry."""
-    modules = pipeline.available_effects()
     return pipeline.key_of(
-        [(n, p) for n, p in effects if modules[n].STAGE == "scene" or hasattr(modules[n], "map_points")]
+        [(n, p) for n, p in effects if pipeline.effect_named(n).STAGE == "scene" or pipeline.moves_points(n)]
     )

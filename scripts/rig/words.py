@@ -1,6 +1,15 @@
-"""How numbers are said to people."""
+"""How numbers are said to people, and what columns are called."""
 
 import math
+
+LADDER = {
+    "corner_rmse_px": "corners, px",
+    "intensity_rmse_dn": "grey levels, DN",
+    "detection_disagreement_pct": "detection disagrees, %",
+    "delta_distance_cm": "distance, cm",
+    "delta_rotation_deg": "rotation, °",
+    "gap": "gap, floors",
+}
 
 
 def with_error(value, error):

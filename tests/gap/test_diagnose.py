@@ -91,3 +91,23 @@ def test_strong_fringes_are_fitted_from_afar(tmp_path):
     library = truth["effects"][0]["library_parameters"]
     for name in ("red", "blue"):
         assert found[f"{name}_ratio"] == pytest.approx(library[name], abs=2.5e-4)
+
+
+def test_a_jpeg_quality_is_found_across_its_leaps(tmp_path):
+    """Quantisation changes by leaps: a fit that creeps from a start far off stays at a wrong quality."""
+    case, truth = generated_case(tmp_path, "single", "jpeg_compression", seed="leaps")
+    diagnosis = Diagnosis(case)
+    diagnosis.set_base([])
+    quality = truth["effects"][0]["library_parameters"]["quality"]
+    found = diagnosis.try_effect("jpeg_compression").parameters
+    assert found["loss"] == pytest.approx(100 - quality, abs=1.0)
+
+
+def test_a_glossy_lamp_is_seen_from_afar(tmp_path):
+    """About its null, a highlight shows a slope only below the nominal lamp: one elsewhere would never be fitted."""
+    case, _ = generated_case(tmp_path, "single", "specular_highlight", seed="far lamp 0")  # at x -0.5, y 3.1 m
+    diagnosis = Diagnosis(case)
+    diagnosis.set_base([])
+    promises = diagnosis.promises()
+    assert max(promises, key=promises.get) == "specular_highlight"
+    assert diagnosis.try_effect("specular_highlight").gap < 0.6 * diagnosis.base_gap
