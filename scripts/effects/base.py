@@ -115,6 +115,17 @@ def highlight_radiance(highlight, view, x, y):
     return highlight["strength"] * np.maximum(cosine, 0) ** (2 / highlight["roughness"] ** 2)
 
 
+def inverse_depth(x, y, view):
+    """Return 1 / depth, 1/m, of the ground plane z = 0 along the optical axis at pixels x, y; 0 above the horizon.
+
+    A plane's inverse depth is linear in pixels: normal . (x, y, 1) = (normal . t) / z.
+    """
+    R, t = view.T_cam_world[:3, :3], view.T_cam_world[:3, 3]
+    normal = (R[:, 2] / (R[:, 2] @ t)).astype(np.float32)
+    slope = normal[0] * (x - view.K[0, 2]) / view.K[0, 0] + normal[1] * (y - view.K[1, 2]) / view.K[1, 1] + normal[2]
+    return np.maximum(slope, 0)
+
+
 def to_rays(xy, view):
     """Return normalised image coordinates (n, 2), x/z and y/z, of pixels (n, 2)."""
     return (xy - view.K[:2, 2]) / (view.K[0, 0], view.K[1, 1])

@@ -6,8 +6,8 @@ pixel along the optical axis, a disc of radius 2 sigma. Source: thin-lens circle
 
 import numpy as np
 
-from effects.base import Parameter
-from effects.filters import LEVELS_PX, disc, pixel_grid, varying_blur
+from effects.base import Parameter, inverse_depth
+from effects.filters import LEVELS_PX, disc, pixel_grid, point_in_disc, varying_blur
 
 STAGE, ORDER = "lens", 120
 NEAREST_M = 0.05
@@ -17,21 +17,19 @@ PARAMETERS = {
 }
 
 
-def inverse_depth(view, shape):
-    """Return 1 / depth (rows, columns), 1/m, of the ground plane z = 0 along the optical axis; 0 above the horizon.
+def spread_px(x, y, view, p):
+    """Return the standard deviation of the spread at pixels x, y."""
+    sigma = p["blur_px_per_dioptre"] * np.abs(np.minimum(inverse_depth(x, y, view), 1 / NEAREST_M) - 1 / p["focus_m"])
+    return np.minimum(sigma, LEVELS_PX[-1])
 
-    A plane's inverse depth is linear in pixels: normal . (x, y, 1) = (normal . t) / z.
-    """
-    x, y = pixel_grid(view, shape)
-    R, t = view.T_cam_world[:3, :3], view.T_cam_world[:3, 3]
-    normal = (R[:, 2] / (R[:, 2] @ t)).astype(np.float32)
-    slope = normal[0] * (x - view.K[0, 2]) / view.K[0, 0] + normal[1] * (y - view.K[1, 2]) / view.K[1, 1] + normal[2]
-    return np.clip(slope, 0, 1 / NEAREST_M)
+
+def spread(xy, view, p, k, n):
+    """Return the moves (m, 2) of part k of n of the light that lands at pixels xy (m, 2)."""
+    return spread_px(*xy.T, view, p)[:, None] * point_in_disc(k, n)
 
 
 def apply(image, view, p, rng):
     """Blur each pixel by its own disc."""
     if p["blur_px_per_dioptre"] == 0:
         return image
-    sigma = p["blur_px_per_dioptre"] * np.abs(inverse_depth(view, image.shape[:2]) - 1 / p["focus_m"])
-    return varying_blur(image, np.minimum(sigma, LEVELS_PX[-1]), disc)
+    return varying_blur(image, spread_px(*pixel_grid(view, image.shape[:2]), view, p), disc)

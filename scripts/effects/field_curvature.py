@@ -1,12 +1,13 @@
 """Field curvature: the sharp surface is curved, so that the spread grows with the image radius.
 
-sigma = sigma_corner_px (r / r_corner)^2, Gaussian. Source: Petzval curvature, third-order (Seidel) aberrations.
+sigma = sigma_corner_px (r / r_corner)^2 per axis, a disc of radius 2 sigma, as what is out of focus. Source: Petzval
+curvature, third-order (Seidel) aberrations.
 """
 
 import numpy as np
 
 from effects.base import Parameter
-from effects.filters import LEVELS_PX, squared_radius, varying_blur
+from effects.filters import LEVELS_PX, disc, pixel_grid, point_in_disc, squared_radius, varying_blur
 
 STAGE, ORDER = "lens", 130
 PARAMETERS = {
@@ -16,7 +17,16 @@ PARAMETERS = {
 }
 
 
+def spread_px(x, y, view, p):
+    """Return the standard deviation of the spread at pixels x, y."""
+    return np.minimum(p["sigma_corner_px"] * squared_radius(x, y, view), np.float32(LEVELS_PX[-1]))
+
+
+def spread(xy, view, p, k, n):
+    """Return the moves (m, 2) of part k of n of the light that lands at pixels xy (m, 2)."""
+    return spread_px(*xy.T, view, p)[:, None] * point_in_disc(k, n)
+
+
 def apply(image, view, p, rng):
-    """Blur by a Gaussian that grows with the square of the radius."""
-    sigma = p["sigma_corner_px"] * squared_radius(view, image.shape[:2])
-    return varying_blur(image, np.minimum(sigma, np.float32(LEVELS_PX[-1])))
+    """Blur each pixel by its own disc."""
+    return varying_blur(image, spread_px(*pixel_grid(view, image.shape[:2]), view, p), disc)

@@ -5,6 +5,7 @@ with it, so that a fit can follow it from zero.
 """
 
 import functools
+import math
 
 import cv2
 import numpy as np
@@ -77,6 +78,10 @@ def _blurred_tile(image, variance, top, left, blur):
         return part[top - first_row :, left - first_column :][:height, :width]
 
     smallest, largest = np.sqrt(variance.min()), np.sqrt(variance.max())
+    reach = int(np.ceil(5 * largest)) + 3
+    around = image[max(top - reach, 0) : top + height + reach, max(left - reach, 0) : left + width + reach]
+    if np.ptp(around) == 0:
+        return around[:height, :width]
     first = max(k for k, level in enumerate(LEVELS_PX) if level <= smallest)
     lower_level, lower = LEVELS_PX[first], blurred(LEVELS_PX[first])
     out = lower
@@ -112,6 +117,15 @@ def spread_points(x, y):
     return kernel / kernel.sum()
 
 
+def point_in_disc(k, n):
+    """Return point k (2,) of n = 4 m^2 that fill a disc evenly, standard deviation 1 per axis: m rings of equal cells."""
+    rings = math.isqrt(n // 4)
+    ring = math.isqrt(k // 4)
+    radius = 2 * math.sqrt((ring**2 + (ring + 1) ** 2) / 2) / rings
+    angle = 2 * math.pi * (k - 4 * ring**2 + 0.25 + 0.5 * (ring % 2)) / (4 * (2 * ring + 1))
+    return radius * np.array([math.cos(angle), math.sin(angle)])
+
+
 @functools.lru_cache(maxsize=64)
 def disc_kernel(sigma_px):
     """Return the kernel of an evenly filled disc with that standard deviation per axis (radius 2 sigma_px)."""
@@ -138,8 +152,7 @@ def pixel_grid(view, shape):
     return x, y
 
 
-def squared_radius(view, shape):
-    """Return the squared distance from the frame's centre in units of half its diagonal (rows, columns), float32."""
-    x, y = pixel_grid(view, shape)
+def squared_radius(x, y, view):
+    """Return the squared distance of pixels x, y from the frame's centre in units of half its diagonal."""
     dx, dy = x - (view.width - 1) / 2, y - (view.height - 1) / 2
     return (dx * dx + dy * dy) / np.float32((view.width**2 + view.height**2) / 4)

@@ -3,7 +3,12 @@
 ``loss`` is 100 minus libjpeg's quality; between two qualities the images are mixed, so that a fit has a slope. Colour
 images are stored with half the resolution of colour. Source: ITU-T T.81, libjpeg's tables. The frame is compressed
 without the margin, so that blocks lie as in the camera.
+
+The expected image is not rounded before it is compressed: noise carries levels between whole numbers into a block's
+mean, and a coarse table makes much of half a level.
 """
+
+import functools
 
 import cv2
 import numpy as np
@@ -12,7 +17,13 @@ from effects.base import Parameter
 
 STAGE, ORDER = "processing", 60
 LEAPS = "loss"  # the tables change by leaps: a fit compares all whole values first
+MIXES_CHANNELS = True  # brightness has less noise than the channels it comes from
 PARAMETERS = {"loss": Parameter("1", 0.0, 95.0, 0.0, (5.0, 25.0, 45.0, 60.0, 70.0, 80.0), 3.0, "100 minus the quality")}
+BLOCK = 8
+MIDDLE = 128
+# ITU-T T.871: Y, Cb, Cr of red, green, blue
+TO_YCC = np.array([[0.299, 0.587, 0.114], [-0.168736, -0.331264, 0.5], [0.5, -0.418688, -0.081312]], np.float32)
+TO_RGB = np.linalg.inv(TO_YCC).astype(np.float32)
 
 
 def compressed(pixels, quality):
@@ -23,17 +34,91 @@ def compressed(pixels, quality):
     return back[..., ::-1] if colour else back[..., None]
 
 
+def _zigzag():
+    """Return the row and column of a table's entries in the order of a file."""
+    places = [(r, c) for r in range(BLOCK) for c in range(BLOCK)]
+    places.sort(key=lambda p: (sum(p), p[0] if sum(p) % 2 else p[1]))
+    return tuple(np.array(places).T)
+
+
+@functools.cache
+def tables(quality):
+    """Return the codec's own quantisation tables (brightness, colour), each (8, 8) float32, read from a file's head."""
+    grey = np.full((BLOCK, BLOCK, 3), MIDDLE, np.uint8)
+    data = cv2.imencode(".jpg", grey, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+    found, at = {}, 2
+    while data[at + 1] != 0xDA:  # up to the start of the scan
+        length = int.from_bytes(data[at + 2 : at + 4], "big")
+        if data[at + 1] == 0xDB:
+            for first in range(at + 4, at + 2 + length, 1 + BLOCK * BLOCK):
+                table = np.zeros((BLOCK, BLOCK), np.float32)
+                table[_zigzag()] = np.frombuffer(data, np.uint8, BLOCK * BLOCK, first + 1)
+                found[data[first] & 15] = table
+        at += 2 + length
+    return found[0], found[1]
+
+
+def _cosines():
+    k = np.arange(BLOCK)
+    basis = np.sqrt(2 / BLOCK) * np.cos(np.pi * (2 * k[None] + 1) * k[:, None] / (2 * BLOCK))
+    basis[0] /= np.sqrt(2)
+    return basis.astype(np.float32)
+
+
+COSINES = _cosines()
+
+
+def _by_blocks(plane, left, right):
+    """Return left @ block @ right of every block of a plane whose sides are whole blocks."""
+    rows, columns = plane.shape
+    down = np.matmul(left, plane.reshape(-1, BLOCK, columns))
+    return (down.reshape(-1, BLOCK) @ right).reshape(rows, columns)
+
+
+def quantised(plane, table):
+    """Return a plane (rows, columns) float32 about 0 whose blocks' cosine coefficients are rounded to the table."""
+    rows, columns = plane.shape
+    whole = np.pad(plane, ((0, -rows % BLOCK), (0, -columns % BLOCK)), mode="edge")
+    steps = np.tile(table, (whole.shape[0] // BLOCK, whole.shape[1] // BLOCK))
+    coefficients = np.rint(_by_blocks(whole, COSINES, COSINES.T) / steps) * steps
+    return _by_blocks(coefficients, COSINES.T, COSINES)[:rows, :columns]
+
+
+def _whole(values):
+    """Return levels rounded as the decoder does: halves go up."""
+    return np.clip(np.floor(values + np.float32(0.5)), 0, 255)
+
+
+def expected(image, quality):
+    """Return grey levels (H, W, 1 or 3) float32 as ``compressed`` gives them, of an image that was not rounded."""
+    brightness, colour = tables(quality)
+    if image.shape[2] == 1:
+        return _whole(quantised(image[..., 0] - MIDDLE, brightness) + MIDDLE)[..., None]
+    y, *chroma = np.moveaxis(image @ TO_YCC.T, 2, 0)
+    height, width = y.shape
+    planes = [quantised(y - MIDDLE, brightness) + MIDDLE]
+    for plane in chroma:
+        even = np.pad(plane, ((0, height % 2), (0, width % 2)), mode="edge")
+        half = even.reshape(even.shape[0] // 2, 2, even.shape[1] // 2, 2).mean((1, 3))
+        back = cv2.resize(quantised(half, colour), even.shape[::-1], interpolation=cv2.INTER_LINEAR)
+        planes.append(back[:height, :width])
+    return _whole(np.stack(planes, axis=-1) @ TO_RGB.T)
+
+
 def apply(image, view, p, rng):
     """Encode and decode the frame."""
     if p["loss"] == 0:
         return image
     m = view.margin
     frame = (slice(m, m + view.height), slice(m, m + view.width))
-    pixels = np.clip(np.rint(image[frame]), 0, 255).astype(np.uint8)
+    if rng is None:
+        pixels, codec = np.clip(image[frame], 0, 255), expected
+    else:
+        pixels, codec = np.clip(np.rint(image[frame]), 0, 255).astype(np.uint8), compressed
     below = int(np.floor(100 - p["loss"]))
     share = np.float32(100 - p["loss"] - below)
     out = image.copy()
-    out[frame] = compressed(pixels, below)
+    out[frame] = codec(pixels, below)
     if share > 0:
-        out[frame] += share * (compressed(pixels, below + 1).astype(np.float32) - out[frame])
+        out[frame] += share * (codec(pixels, below + 1).astype(np.float32) - out[frame])
     return out

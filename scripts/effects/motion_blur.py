@@ -25,6 +25,12 @@ def smear_kernel(dx, dy):
     return spread_points(t * dx, t * dy)
 
 
+def spread(xy, view, p, k, n):
+    """Return the move (2,) of part k of n of the exposure."""
+    share = (k + 0.5) / n - 0.5
+    return np.array([share * p["dx_px"], share * p["dy_px"]])
+
+
 def apply(image, view, p, rng):
     """Average along the smear."""
     if p["dx_px"] == 0 and p["dy_px"] == 0:

@@ -7,6 +7,7 @@ denoising, sharpening, JPEG) -> crop. Why this order: docs/effects.md.
 
 import functools
 import importlib.util
+import itertools
 import pkgutil
 
 import numpy as np
@@ -20,6 +21,8 @@ from rig.errors import InputError
 GRID_STEP_PX = 8
 DIFFERENCE_PX = 0.01
 LONGEST_STEP_PX = 100.0
+SPREAD_SAMPLES = 144  # of the pupil and of the exposure; 4 m^2
+STRIDES = (1, 29, 53, 83, 113, 137)  # orders in which effects visit their samples, so that none follows another's
 SPARE_PX = 4  # what the interpolation needs beyond the last ray
 SHARED_MODULES = ("base", "encoding", "filters", "pipeline", "resampling")
 
@@ -138,6 +141,25 @@ def map_points(xy, view, chosen, channel=1):
     return xy
 
 
+def spreads_light(name):
+    """Return whether an effect says where the parts of a point's light land: the synthesis then draws them all."""
+    return hasattr(effect_named(name), "spread")
+
+
+def spread_moves(view, chosen):
+    """Return functions that move image points (n, 2) to where one part in so many of their light lands; [] for none."""
+    found = active(chosen, "spread")
+
+    def moved(k):
+        def move(xy):
+            parts = zip(found, itertools.cycle(STRIDES), strict=False)
+            return xy + sum(m.spread(xy, view, p, k * s % SPREAD_SAMPLES, SPREAD_SAMPLES) for (m, p), s in parts)
+
+        return move
+
+    return [moved(k) for k in range(SPREAD_SAMPLES)] if found else []
+
+
 def inverse_points(xy, view, chosen, channel=1, iterations=20):
     """Return the ideal pinhole pixels (n, 2) that land on image pixels xy, to 1e-6 px; Newton steps with differences.
 
@@ -220,7 +242,9 @@ def photometric(image, view, chosen, noise_dn, rng):
     rng None gives the expected image: no random noise, neither declared nor of an effect.
     """
     found = active(chosen, "apply")
-    colour = any(getattr(m, "MAKES_COLOUR", False) for m, _ in found)
+    colour = any(
+        getattr(m, "MAKES_COLOUR", False) or (rng is not None and getattr(m, "MIXES_CHANNELS", False)) for m, _ in found
+    )
 
     def apply(image, stage):
         for module, p in found:

@@ -9,7 +9,7 @@ models of rolling-shutter cameras" (2005).
 
 import numpy as np
 
-from effects.base import Parameter, to_pixels, to_rays
+from effects.base import Parameter, inverse_depth, to_pixels, to_rays
 
 STAGE, ORDER = "shutter", 10
 PARAMETERS = {
@@ -27,7 +27,7 @@ def map_points(xy, view, p, channel):
     t = (xy[:, 1] - (view.height - 1) / 2) / (1 - p["skew_y"])
     shift = np.stack([p["skew_x"] * t, p["skew_y"] * t], axis=1)
     if p["slide_m"] != 0:
-        shift[:, 0] += view.K[0, 0] * p["slide_m"] * inverse_depth(xy, view) * t / view.height
+        shift[:, 0] += view.K[0, 0] * p["slide_m"] * inverse_depth(*xy.T, view) * t / view.height
     if p["pan_x"] != 0:
         shift += panned(xy, p["pan_x"] * t / view.K[0, 0], view) - xy
     return xy + shift
@@ -38,11 +38,3 @@ def panned(xy, angle, view):
     x, y = to_rays(xy, view).T
     c, s = np.cos(angle), np.sin(angle)
     return to_pixels(np.stack([x * c + s, y], axis=1) / (c - x * s)[:, None], view)
-
-
-def inverse_depth(xy, view):
-    """Return 1 / depth (n,) of the ground plane at pixels, 1/m; 0 above the horizon."""
-    rays = to_rays(xy, view)
-    R, t = view.T_cam_world[:3, :3], view.T_cam_world[:3, 3]
-    slope = R[0, 2] * rays[:, 0] + R[1, 2] * rays[:, 1] + R[2, 2]
-    return np.maximum(slope / (R[:, 2] @ t), 0)

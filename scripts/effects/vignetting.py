@@ -7,7 +7,7 @@ cos^4 falloff is a case of it.
 import numpy as np
 
 from effects.base import Parameter
-from effects.filters import squared_radius
+from effects.filters import pixel_grid, squared_radius
 
 STAGE, ORDER = "lens", 140
 PARAMETERS = {
@@ -18,5 +18,5 @@ PARAMETERS = {
 
 def apply(image, view, p, rng):
     """Darken by the radius."""
-    r2 = squared_radius(view, image.shape[:2])
+    r2 = squared_radius(*pixel_grid(view, image.shape[:2]), view)
     return image * np.maximum(1 - r2 * (np.float32(p["a2"]) + np.float32(p["a4"]) * r2), 0)[..., None]

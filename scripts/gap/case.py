@@ -134,10 +134,11 @@ class Case:
     # -- images -----------------------------------------------------------------------------------------------
 
     def radiance_of(self, capture, effects, delta):
-        """Return the linear radiance (H + 2m, W + 2m, C) of the twin after its geometric effects, exact coverage."""
+        """Return the linear radiance (H + 2m, W + 2m, C) of the twin, exact coverage: points where they land, light spread."""
         view = self.view_of(capture, effects, delta)
         scene, prints, _ = self.scene_of(effects)
         channels = (0, 1, 2) if pipeline.is_chromatic(effects) else (1,)
+        moves = pipeline.spread_moves(view, effects)
         planes = []
         for channel in channels:
             mapping = None
@@ -147,27 +148,30 @@ class Case:
                     return pipeline.map_points(xy, view, effects, channel)
 
             if is_lit(scene):
-                maps = pipeline.key_of([(n, p) for n, p in effects if pipeline.moves_points(n)])
-                geometry = self._geometry_of((view.T_cam_world.tobytes(), prints, maps), view, mapping, channel)
+                drawn = [e for e in effects if pipeline.moves_points(e[0]) or pipeline.spreads_light(e[0])]
+                maps = pipeline.key_of(drawn)
+                key = view.T_cam_world.tobytes(), prints, maps
+                geometry = self._geometry_of(key, view, mapping, channel, moves)
             else:
-                geometry = coverages(prints, view, mapping)
+                geometry = coverages(prints, view, mapping, moves)
             planes.append(shade(scene, view, *geometry))
         return np.stack(planes, axis=-1).astype(np.float32)
 
-    def _geometry_of(self, key, view, mapping, channel):
+    def _geometry_of(self, key, view, mapping, channel, moves):
         """Return (plates, black, sky, ground) of a capture's channel, kept while only the light changes."""
         place = view.capture, channel
         if place not in self._geometry and len(self._geometry) >= GEOMETRY_KEPT_PX // (view.width * view.height):
             self._geometry.clear()
         if self._geometry.get(place, (None,))[0] != key:
-            covers = [c.astype(np.float32) for c in coverages(key[1], view, mapping)]
+            covers = [c.astype(np.float32) for c in coverages(key[1], view, mapping, moves)]
             self._geometry[place] = key, (*covers, [g.astype(np.float32) for g in ground_points(view, mapping)])
         return self._geometry[place][1]
 
     def image_of(self, radiance, capture, effects, delta, rng=None):
         """Return the twin's grey levels (H, W, C): expected where ``rng`` is None, else as a camera gives them."""
         view = self.view_of(capture, effects, delta)
-        image = pipeline.photometric(radiance, view, effects, self.noise_dn, rng)
+        left = [(n, p) for n, p in effects if not pipeline.spreads_light(n)]
+        image = pipeline.photometric(radiance, view, left, self.noise_dn, rng)
         m = view.margin
         image = image[m : m + view.height, m : m + view.width]
         return mean_of_clipped(image, self.noise_dn) if rng is None else np.clip(np.rint(image), 0, 255)

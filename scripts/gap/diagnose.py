@@ -246,11 +246,21 @@ class Diagnosis:
     def _score_base(self):
         self.poses, self.base_groups = self.fitter.score(self.effects, self.poses, self.test)
         _, train_groups = self.fitter.score(self.effects, self.poses, self.train)
-        self.floors = floors_of(self.case, train_groups | self.base_groups)
+        self.floors = self._floors(train_groups | self.base_groups)
         self.base_losses = losses_of(self.base_groups)
         self.excess = excess_of(self.base_groups, self.floors)
         self.base_gap = overall_gap(self.base_groups, self.floors)
         self.base_gap_se = gap_error(self.base_groups, self.floors)
+
+    def _floors(self, groups):
+        """Return {group: floor}: what trials of a station differ by, or the twin's own captures from what it expects.
+
+        The second is more where noise meets a codec's leaps, or where a pattern repeats that only the real sensor knows.
+        """
+        floors = floors_of(self.case, groups)
+        own = {i: self.fitter.own_scatter(i, self.effects, self.poses[i]) for i in probes(self.train)}
+        scatter = group_gaps(own, {})
+        return {name: max(floor, scatter.get(name, 0.0)) for name, floor in floors.items()}
 
     def is_usable(self):
         """Return whether there is enough to fit and to hold out."""

@@ -166,24 +166,45 @@ class Fitter:
 
     def _predict(self, i, effects, delta):
         case, capture = self.case, self.case.captures[i]
-        o = capture.observation
         radiance = self.radiance(i, effects, delta)
         image = case.image_of(radiance, capture, effects, delta)
-        grey = grey_of(image)
-        exact = case.corners_of(capture, effects, delta)
-        wanted = o.measured & np.isfinite(exact).all((1, 2))
-        features, _, measured, _ = measure_plates(grey, exact, wanted, case.codes, FINE)
-        colour = measure_colour(image, features[:, :8].reshape(-1, 4, 2), measured, case.codes)
-        field, _ = field_levels(grey.astype(np.float64), o.classes)
+        features, measured, colour, field = self._measured(i, image, effects, delta)
         noise = None
         if self.noise_of[i]:
             rng = np.random.default_rng(seed_of(case.campaign, case.camera, capture.view.capture, "fit noise"))
             noisy = case.image_of(radiance, capture, effects, delta, rng)
             corners = features[:, :8].reshape(-1, 4, 2)
             outlines = case.corners_of(capture, effects, delta, case.scene_of(effects)[1].outlines)
-            classes = classify_flats(grey.shape, corners, measured, outlines, capture.view, case.codes)
+            classes = classify_flats(image.shape[:2], corners, measured, outlines, capture.view, case.codes)
             noise, _ = observe_noise(noisy, classes)
         return Prediction(features, measured, colour, field, noise)
+
+    def _measured(self, i, image, effects, delta):
+        """Return (features, measured, colour, field) of an image of the twin's (H, W, C) of capture i."""
+        case, o = self.case, self.case.captures[i].observation
+        grey = grey_of(image)
+        exact = case.corners_of(case.captures[i], effects, delta)
+        wanted = o.measured & np.isfinite(exact).all((1, 2))
+        features, _, measured, _ = measure_plates(grey, exact, wanted, case.codes, FINE)
+        colour = measure_colour(image, features[:, :8].reshape(-1, 4, 2), measured, case.codes)
+        field, _ = field_levels(grey.astype(np.float64), o.classes)
+        return features, measured, colour, field
+
+    def own_scatter(self, i, effects, delta):
+        """Return {group: whitened residuals} of a capture that the twin itself takes, noise and all, about the expected."""
+        case, capture = self.case, self.case.captures[i]
+        expected = replace(self.predict(i, effects, delta), noise=None)
+        rng = np.random.default_rng(seed_of(case.campaign, case.camera, capture.view.capture, "own scatter"))
+        image = case.image_of(self.radiance(i, effects, delta), capture, effects, delta, rng)
+        features, measured, colour, field = self._measured(i, image, effects, delta)
+        both = measured & expected.measured
+        taken = replace(
+            capture.observation,
+            features=np.where(both[:, None], features, expected.features),
+            colour=np.where(both[:, None], colour, expected.colour),
+            field=field,
+        )
+        return self.whiteners[i].residuals(taken, expected)
 
     # -- geometry alone -------------------------------------------------------------------------------------------
 
@@ -530,8 +551,12 @@ def is_geometric(parameter):
     return moves_points and not hasattr(module, "apply") and parameter[0] != "lateral_chromatic_aberration"
 
 
+def is_drawn(name):
+    """Return whether an effect takes part in drawing the radiance: the scene, where points land, how they spread."""
+    drawn = pipeline.moves_points(name) or pipeline.spreads_light(name)
+    return drawn or pipeline.effect_named(name).STAGE == "scene"
+
+
 def geometric_key(effects):
     """Return a key of everything that decides the radiance before photometry."""
-    return pipeline.key_of(
-        [(n, p) for n, p in effects if pipeline.effect_named(n).STAGE == "scene" or pipeline.moves_points(n)]
-    )
+    return pipeline.key_of([(n, p) for n, p in effects if is_drawn(n)])

@@ -211,6 +211,8 @@ def noise_features(green, red, blue, classes):
             per_pair = (colour[g, 0] + colour[g, 2]) / (colour[g, 1] + colour[g, 3]) / 2
             values[12] = _log_ratio(per_pair, 2 * np.exp(values[0]))
             errors[12] = np.sqrt(6 / n[g])
+        # rare large values, as flats have after JPEG or with hot pixels, tell less of a variance than a normal's
+        errors *= np.sqrt(max(np.exp(values[7]), 1.0))
     return values, errors
 
 

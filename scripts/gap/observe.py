@@ -21,6 +21,10 @@ RIDGE = np.array([1e-4] * 8 + [1e-4] * 5 + [1e-2] * 5)
 COARSE_TO_FINE = np.array([4, 1, 0])
 FINE = np.array([0])
 FARTHEST_PX = 25.0
+OTHER_STARTS_PX = 0.15 * np.array(
+    [[[1, 1], [1, 1], [1, 1], [1, 1]], [[1, -1], [-1, -1], [-1, 1], [1, 1]]], float
+)  # all corners moved alike, and all away from or towards one another
+UNSETTLED_PX = 0.03
 WHITE, BLACK = FEATURES.index("white"), FEATURES.index("black")
 LEAST_CONTRAST = 0.2  # of the nominal: to the noise of a black or saturated image a small faint plate fits
 WORST_MISFIT = 0.15  # of the contrast: a fit to something else than the plate leaves more, any effect less
@@ -210,19 +214,31 @@ def classify_flats(shape, corners, measured, outlines, view, codes, band=30.0):
     )  # fmt: skip
 
 
-def observe(image, starts, outlines, wanted, view, codes, radii, classes=None):
+def settled(grey, features, measured, codes):
+    """Return which of the measured plates (p,) are found at the same place from starts a little off.
+
+    Where blur is wider than a module, a fit to the sharp code stops anywhere near: such a plate says nothing.
+    """
+    corners = features[:, :8].reshape(-1, 4, 2)
+    for moves in OTHER_STARTS_PX:
+        again, _, found, _ = measure_plates(grey, corners + moves, measured, codes, FINE)
+        apart = np.abs(again[:, :8] - features[:, :8]).max(1)
+        measured = measured & found & (apart < UNSETTLED_PX)
+    return measured
+
+
+def observe(image, starts, outlines, wanted, view, codes, radii):
     """Measure one image (H, W, C) of grey levels (0..255, float or uint8; red first).
 
-    starts (p, 4, 2) predicted corners of the codes; outlines (p, 4, 2) predicted outlines of the plates;
-    ``classes`` given skips their computation (twin images take the real capture's).
+    starts (p, 4, 2) predicted corners of the codes; outlines (p, 4, 2) predicted outlines of the plates.
     """
     image = image.astype(np.float32)
     grey = grey_of(image)
     features, information, measured, misfit = measure_plates(grey, starts, wanted, codes, radii)
+    measured = settled(grey, features, measured, codes)
     corners = features[:, :8].reshape(-1, 4, 2)
     colour = measure_colour(image, corners, measured, codes)
-    if classes is None:
-        classes = classify_flats(grey.shape, corners, measured, outlines, view, codes)
+    classes = classify_flats(grey.shape, corners, measured, outlines, view, codes)
     field, field_n = field_levels(grey.astype(np.float64), classes)
     noise, noise_se = observe_noise(image, classes)
     return Observation(features, information, measured, misfit, colour, classes, field, field_n, noise, noise_se)

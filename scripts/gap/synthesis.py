@@ -86,37 +86,40 @@ def sky_polygon(view, map_points):
     return np.concatenate([[[line[0, 0] - 50, top], [line[-1, 0] + 50, top]], line[::-1]])[None]
 
 
-def coverages(prints, view, map_points=None):
+def coverages(prints, view, map_points=None, moves=()):
     """Return exact coverages of the whole array incl. margin: (plates, black, sky), each (H + 2m, W + 2m).
 
-    map_points takes ideal pixels (n, 2) to image pixels; None is the pinhole.
+    map_points takes ideal pixels (n, 2) to image pixels; None is the pinhole. Each of ``moves`` takes image pixels to
+    where an equal part of their light lands; empty: all stays.
     """
     m = view.margin
     shape = (view.height + 2 * m, view.width + 2 * m)
     offset = m + 0.5
     in_view = visible_plates(prints.outlines, view)
 
+    def fill(pixels):
+        acc, out = np.zeros((shape[0], shape[1] + 2)), np.zeros(shape)
+        flat = pixels.reshape(-1, 2)
+        for move in moves or [lambda xy: xy]:
+            moved = np.ascontiguousarray(move(flat).reshape(pixels.shape) + offset)
+            add_polygons(acc, moved, np.full(len(pixels), 1 / max(len(moves), 1)))
+        running_sum(acc, out)
+        return out
+
     def draw(polygons_world):
-        out = np.zeros(shape)
         if len(polygons_world):
             pixels = project(view.K, view.T_cam_world, polygons_world)
             if map_points is not None:
                 pieces = max(1, int(np.ceil(_longest_edge_px(pixels) / EDGE_STEP_PX)))
                 pixels = project(view.K, view.T_cam_world, _subdivide(polygons_world, pieces))
                 pixels = map_points(pixels.reshape(-1, 2)).reshape(pixels.shape)
-            acc = np.zeros((shape[0], shape[1] + 2))
-            add_polygons(acc, np.ascontiguousarray(pixels + offset), np.ones(len(pixels)))
-            running_sum(acc, out)
-        return out
+            return fill(pixels)
+        return np.zeros(shape)
 
     plates = draw(prints.outlines[in_view])
     black = draw(prints.blacks[np.isin(prints.plate_of_black, np.flatnonzero(in_view))])
-    sky = np.zeros(shape)
     horizon = sky_polygon(view, map_points)
-    if horizon is not None:
-        acc = np.zeros((shape[0], shape[1] + 2))
-        add_polygons(acc, np.ascontiguousarray(horizon + offset), np.ones(1))
-        running_sum(acc, sky)
+    sky = np.zeros(shape) if horizon is None else fill(horizon)
     return plates, black, sky
 
 

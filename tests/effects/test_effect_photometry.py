@@ -1,15 +1,18 @@
 """Effects on light keep what physics keeps: energy, spreads, noise by its law, levels by their curve."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 from effect_views import MARGIN, noise_image, parameters, view
 
-from effects import encoding, filters, pipeline
+from effects import encoding, filters, jpeg_compression, pipeline
 from effects.motion_blur import smear_kernel
 
 FOUND = pipeline.available_effects()
 FRAME = np.s_[MARGIN:-MARGIN, MARGIN:-MARGIN]
+LOW_QUALITY = ("jpeg_compression", {"loss": 73.0})
 
 
 def spot(v):
@@ -155,12 +158,36 @@ def test_order_is_physical():
 
 
 def test_jpeg_is_the_real_one():
-    """A whole quality gives what a camera's library gives for the rounded frame."""
+    """A whole quality gives what a camera's library gives for the rounded frame of a capture that was taken."""
     v = view()
     image = cv2.GaussianBlur(noise_image(1, v), (0, 0), 2)[..., None]
-    out = FOUND["jpeg_compression"].apply(image, v, {"loss": 40.0}, None)[FRAME]
+    out = FOUND["jpeg_compression"].apply(image, v, {"loss": 40.0}, np.random.default_rng(0))[FRAME]
     _, data = cv2.imencode(".jpg", pipeline.to_uint8(image[FRAME]), [cv2.IMWRITE_JPEG_QUALITY, 60])
     np.testing.assert_array_equal(out[..., 0], cv2.imdecode(data, cv2.IMREAD_GRAYSCALE))
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_expected_jpeg_is_the_library_s_but_for_its_whole_numbers(channels):
+    """Wrong tables, a transposed transform or colour stored in full would be off by many levels, not by rounding."""
+    image = np.stack([cv2.GaussianBlur(noise_image(1, view(), k), (0, 0), 4) for k in range(channels)], axis=-1)
+    pixels = np.rint(image[FRAME]).astype(np.uint8)
+    for quality in (30, 75, 95):
+        difference = jpeg_compression.expected(pixels.astype(np.float32), quality) - jpeg_compression.compressed(
+            pixels, quality
+        ).astype(float)
+        assert np.sqrt((difference**2).mean()) < 1.5
+        assert np.abs(difference.mean()) < 0.1
+
+
+def test_expected_jpeg_keeps_the_side_of_a_coarse_step_that_noise_would_take():
+    """Rounded before, a flat of 159.6 would go to 160 and so to the next level that quality 27 has, 3.75 further."""
+    v = view()
+    flat = np.full((v.height + 2 * v.margin, v.width + 2 * v.margin, 1), 159.6, np.float32)
+    taken = pipeline.photometric(
+        flat / 255, replace(v, encoding="linear"), [LOW_QUALITY], 1.0, np.random.default_rng(3)
+    )
+    expected = pipeline.photometric(flat / 255, replace(v, encoding="linear"), [LOW_QUALITY], 1.0, None)
+    assert expected[FRAME].mean() == pytest.approx(taken[FRAME].mean(), abs=0.3)
 
 
 def test_tone_curve_keeps_ends_and_order():

@@ -5,9 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from effects import pipeline
 from effects.base import Scene, View
 from gap.case import code_corners_world, encoding_table, mean_of_clipped
-from gap.observe import FINE, Codes, measure_plates
+from gap.observe import FINE, Codes, measure_plates, settled
 from gap.raster import coverage
 from gap.synthesis import Prints, coverages, shade
 from rig.geometry import camera_matrix, project, station_pose
@@ -85,3 +86,63 @@ def test_expected_levels_are_the_mean_of_clipped_ones(level):
     """A saturated white of mean 254.6 against an expected 255 looks like an effect that is not there."""
     noisy = np.clip(np.rint(level + np.random.default_rng(1).normal(0, 1.0, 200_000)), 0, 255)
     assert mean_of_clipped(np.full((2, 2), level), 1.0) == pytest.approx(noisy.mean(), abs=0.03)
+
+
+SPREADS = [
+    ("motion_blur", {"dx_px": 3.0, "dy_px": -1.0}),
+    ("defocus", {"blur_px_per_dioptre": 1.5, "focus_m": 0.4}),
+    ("field_curvature", {"sigma_corner_px": 6.0}),
+]
+
+
+@pytest.mark.parametrize("effect", SPREADS, ids=[name for name, _ in SPREADS])
+def test_light_is_spread_as_the_image_is_blurred(effect):
+    """Parts that land askew, or too far, would part the fit's image from Blender's; blurring whole pixels is 1 % off."""
+    scene, view = scene_and_view()
+    sharp = shade(scene, view, *coverages(Prints(scene.plates), view))
+    drawn = shade(scene, view, *coverages(Prints(scene.plates), view, moves=pipeline.spread_moves(view, [effect])))
+    module, m = pipeline.effect_named(effect[0]), 20
+    blurred = module.apply(sharp.astype(np.float32)[..., None], view, effect[1], None)[..., 0]
+    inside = np.s_[m:-m, m:-m]
+    assert np.abs(sharp - blurred)[inside].max() > 0.1
+    assert np.abs(drawn - blurred)[inside].max() < 0.08
+    assert np.sqrt(((drawn - blurred)[inside] ** 2).mean()) < 0.25 * np.sqrt(((sharp - blurred)[inside] ** 2).mean())
+
+
+def test_parts_of_light_fill_what_they_stand_for():
+    """Parts that bunch, or that visit the exposure in step with the pupil, would spread less or more than the formula."""
+    _, view = scene_and_view()
+    at = np.array([[600.0, 30.0]])
+    for chosen in (SPREADS[:1], SPREADS[1:2], SPREADS[2:], SPREADS):
+        moved = np.concatenate([move(at) for move in pipeline.spread_moves(view, chosen)]) - at
+        wanted = np.zeros((2, 2))
+        for name, p in chosen:
+            if name == "motion_blur":
+                way = np.array([p["dx_px"], p["dy_px"]])
+                wanted += np.outer(way, way) / 12
+            else:
+                wanted += np.eye(2) * pipeline.effect_named(name).spread_px(*at.T, view, p) ** 2
+        assert np.abs(moved.mean(0)).max() < 1e-9
+        np.testing.assert_allclose(
+            np.cov(moved.T, bias=True), wanted, atol=(0.001, 0.05)[len(chosen) > 1] * wanted.max()
+        )
+
+
+def test_a_plate_blurred_beyond_its_modules_says_nothing():
+    """A fit to the sharp code stops anywhere near a plate that is all smear: its corners would be guesses."""
+    scene, view = scene_and_view()
+    table = encoding_table("srgb", 1.0)
+    codes = Codes.of(scene.plates, [0.8, 0.05, 0.35], table)
+    truth = project(view.K, view.T_cam_world, np.array([code_corners_world(p) for p in scene.plates]))
+
+    def measured(*chosen):
+        moves = pipeline.spread_moves(view, chosen)
+        linear = shade(scene, view, *coverages(Prints(scene.plates), view, moves=moves))
+        m = view.margin
+        grey = np.interp(linear, np.linspace(0, 1, len(table)), table)[m:-m, m:-m].astype(np.float32)
+        found = measure_plates(grey, truth + 0.3, np.ones(2, bool), codes, FINE)
+        return settled(grey, found[0], found[2], codes)
+
+    side = np.linalg.norm(truth[0, 1] - truth[0, 0])
+    assert measured().all()
+    assert not measured(("motion_blur", {"dx_px": 0.3 * side, "dy_px": 0.3 * side})).any()
