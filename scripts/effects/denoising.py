@@ -1,7 +1,7 @@
 """Denoising: smoothing that keeps edges.
 
-A bilateral filter whose range is strength_dn. Source: Tomasi and Manduchi, "Bilateral filtering for gray and color
-images" (1998).
+A bilateral filter, range strength_dn, reach in space reach_px. Source: Tomasi and Manduchi, "Bilateral filtering for gray
+and color images" (1998).
 """
 
 import cv2
@@ -10,8 +10,13 @@ import numpy as np
 from effects.base import Parameter
 
 STAGE, ORDER = "processing", 30
-DIAMETER_PX, SIGMA_PX = 5, 1.5
-PARAMETERS = {"strength_dn": Parameter("dn", 0.0, 80.0, 0.0, (2.0, 8.0), 0.5, "range within which levels are averaged")}
+DIAMETER_PX = 7
+PARAMETERS = {
+    "strength_dn": Parameter(
+        "dn", 0.0, 80.0, 0.0, (2.0, 8.0, 20.0), 0.5, "standard deviation of levels that are averaged"
+    ),
+    "reach_px": Parameter("px", 0.4, 3.0, 1.5, (1.5,), 0.1, "standard deviation of the distance over which they are"),
+}
 
 
 def apply(image, view, p, rng):
@@ -19,7 +24,7 @@ def apply(image, view, p, rng):
     if p["strength_dn"] == 0:
         return image
     planes = [
-        cv2.bilateralFilter(np.ascontiguousarray(image[..., c]), DIAMETER_PX, p["strength_dn"], SIGMA_PX)
+        cv2.bilateralFilter(np.ascontiguousarray(image[..., c]), DIAMETER_PX, p["strength_dn"], p["reach_px"])
         for c in range(image.shape[2])
     ]
     return np.stack(planes, axis=-1)

@@ -17,6 +17,8 @@ from job import seed_of
 NU = 8.0  # robust log(1 + y^2 / nu): quadratic for noise, forgiving for a bad plate
 # Standard deviations below which no difference counts: synthesis against an ideal camera's image
 FEATURE_FLOOR = np.array([0.006] * 8 + [0.15] * 3 + [0.15] * 2 + [0.012] * 3 + [0.004, 0.005])
+SHARED = 0.25  # of these floors, what all plates of all captures may have in common
+LEVELS = slice(8, 11)  # white, black and ground among the features
 COLOUR_FLOOR = np.array([0.15, 0.15, 0.15, 0.006, 0.006] * 2)
 FIELD_FLOOR_DN = 0.12
 NOISE_FLOOR = 0.02
@@ -89,7 +91,9 @@ class Whitener:
         s2 = capture.noise_variance
         info = o.information[self.plates]
         covariance = np.linalg.inv(info) * s2 if len(info) else np.zeros((0, 18, 18))
-        covariance = covariance + np.diag(FEATURE_FLOOR**2)
+        rounding = np.zeros(len(FEATURE_FLOOR))
+        rounding[LEVELS] = rounding_variance(s2)
+        covariance = covariance + np.diag(FEATURE_FLOOR**2 + rounding)
         self.lower_inverse = np.linalg.inv(np.linalg.cholesky(covariance)) if len(info) else covariance
         corner_covariance = covariance[:, :8, :8]
         self.corner_inverse = np.linalg.inv(np.linalg.cholesky(corner_covariance)) if len(info) else corner_covariance
@@ -99,7 +103,7 @@ class Whitener:
             np.concatenate([sd[:, 8:11], sd[:, [0, 1]], sd[:, 8:11], sd[:, [0, 1]]], axis=1), COLOUR_FLOOR
         )
         with np.errstate(divide="ignore"):
-            self.field_sd = np.sqrt(s2 / np.maximum(o.field_n, 1) + FIELD_FLOOR_DN**2)
+            self.field_sd = np.sqrt(s2 / np.maximum(o.field_n, 1) + FIELD_FLOOR_DN**2 + rounding_variance(s2))
         self.noise_sd = np.hypot(o.noise_se, NOISE_FLOOR)
         self.with_noise = with_noise
 
@@ -124,6 +128,15 @@ class Whitener:
         if prediction.noise is not None:
             out["noise"] = np.nan_to_num((observation.noise - prediction.noise) / self.noise_sd)
         return out
+
+
+def rounding_variance(noise_variance):
+    """Return the variance of a level's error from rounding to whole grey levels, where noise (rounded) is so little.
+
+    Noise of half a level carries the mean between whole ones; with none, it is off by up to a half. Source: the first
+    harmonic of a Gaussian dither, e.g. Wannamaker et al., "A theory of nonsubtractive dither" (2000).
+    """
+    return np.exp(-4 * np.pi**2 * max(noise_variance - 1 / 12, 0.0)) / 12
 
 
 def flatten(groups):
@@ -370,6 +383,8 @@ class Fitter:
                 age = OLDEST_DERIVATIVES
             if gain < STILL_FAR * loss:  # a robust loss hides what is far: come near before narrowing
                 width = max(1.0, width / 3)
+        if free:
+            covariance = self.widened(covariance, derivatives, groups)
         return Fit(State(effects, poses, offsets), total(groups, NU), covariance, converged)
 
     def derivatives(self, effects, free, poses, groups, train, step_of=None):
@@ -385,6 +400,26 @@ class Fitter:
             out[i] = Jt, self.pose_columns(i, effects, poses[i], groups[i])
         return out
 
+    def widened(self, covariance, derivatives, groups):
+        """Return a covariance (k, k) whose errors hold what captures disagree by, and what all plates may share.
+
+        Residuals of one capture can be wrong together, which their whitening does not know. Source: the cluster-robust
+        ("sandwich") covariance of Liang and Zeger, "Longitudinal data analysis using generalized linear models" (1986).
+        A part of the features' floors is the same for all plates and does not average out.
+        """
+        gradients, shared = [], 0.0
+        for i, (Jt, Jp) in derivatives.items():
+            y, w = flatten(groups[i]), self.whiteners[i]
+            gradients.append(without_pose(y, Jt, Jp, NU)[1])
+            floors = np.tile(SHARED * np.diag(FEATURE_FLOOR), (len(w.plates), 1, 1))
+            shared = shared + response(y, Jt, Jp, self._laid_out(w, floors, groups[i]))
+        g = np.array(gradients) - np.mean(gradients, axis=0)
+        sandwich = covariance @ (g.T @ g * len(g) / max(len(g) - 1, 1)) @ covariance
+        variance = np.maximum(np.diag(covariance), 1e-300)
+        together = np.maximum(np.diag(sandwich), variance) + ((covariance @ shared) ** 2).sum(1)
+        scale = np.sqrt(together / variance)
+        return covariance * np.outer(scale, scale)
+
     @staticmethod
     def normal_equations(derivatives, groups, nu, prior):
         """Return (H, g, pose blocks) of a Gauss-Newton step of the free parameters, poses eliminated.
@@ -393,15 +428,9 @@ class Fitter:
         """
         (H, g), blocks = (part.copy() for part in prior), []
         for i, (Jt, Jp) in derivatives.items():
-            y = flatten(groups[i])
-            weight = 1 / (1 + y * y / nu)
-            wJp = weight[:, None] * Jp
-            A = Jp.T @ wJp + 1e-9 * np.eye(6)
-            b = wJp.T @ y
-            C = wJp.T @ Jt
-            H += Jt.T @ (weight[:, None] * Jt) - C.T @ np.linalg.solve(A, C)
-            g += Jt.T @ (weight * y) - C.T @ np.linalg.solve(A, b)
-            blocks.append((i, A, b, C))
+            H_i, g_i, block = without_pose(flatten(groups[i]), Jt, Jp, nu)
+            H, g = H + H_i, g + g_i
+            blocks.append((i, *block))
         return H, g, blocks
 
     def _column(self, i, effects, parameter, delta, groups, step_of):
@@ -433,7 +462,13 @@ class Fitter:
         k = d_corners.shape[-1]
         full = np.zeros((len(w.plates), 18, k))
         full[:, :8] = d_corners
-        y = np.einsum("pij,pjk->pik", w.lower_inverse, full)
+        return Fitter._laid_out(w, full, groups)
+
+    @staticmethod
+    def _laid_out(w, d_features, groups):
+        """Whiten changes of features (p, 18, k) and lay them where the residual vector has its plates."""
+        k = d_features.shape[-1]
+        y = np.einsum("pij,pjk->pik", w.lower_inverse, d_features)
         parts = {"corners": y[:, :8], "levels": y[:, 8:13], "edges": y[:, 13:]}
         blocks = [
             parts[g].reshape(-1, k) if g in parts else np.zeros((groups[g].size, k)) for g in GROUPS if g in groups
@@ -456,6 +491,24 @@ class Fitter:
             features[:, :8] += np.nan_to_num(shift)
             out[i] = self.residual_vector(i, effects, better[i], replace(predictions[i], features=features))
         return better, out
+
+
+def without_pose(y, Jt, Jp, nu):
+    """Return (H, g, (A, b, C)) of one capture's residuals y (n,), its pose eliminated by the block (A, b, C)."""
+    weight = 1 / (1 + y * y / nu)
+    wJp = weight[:, None] * Jp
+    A = Jp.T @ wJp + 1e-9 * np.eye(6)
+    b = wJp.T @ y
+    C = wJp.T @ Jt
+    H = Jt.T @ (weight[:, None] * Jt) - C.T @ np.linalg.solve(A, C)
+    return H, Jt.T @ (weight * y) - C.T @ np.linalg.solve(A, b), (A, b, C)
+
+
+def response(y, Jt, Jp, change):
+    """Return (k, m): what changes (n, m) of a capture's residuals y (n,) add to the gradient, its pose eliminated."""
+    weight = (1 / (1 + y * y / NU))[:, None]
+    back = np.linalg.solve(Jp.T @ (weight * Jp) + 1e-9 * np.eye(6), Jp.T @ (weight * change))
+    return Jt.T @ (weight * (change - Jp @ back))
 
 
 def updated(derivatives, before, after, d, d_poses, scale):

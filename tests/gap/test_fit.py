@@ -1,0 +1,31 @@
+"""The normal equations of a fit: what poses can explain, parameters must not."""
+
+import numpy as np
+
+from gap.fit import NU, response, rounding_variance, without_pose
+
+
+def residuals_and_derivatives():
+    rng = np.random.default_rng(4)
+    return rng.normal(0, 2, 60), rng.normal(size=(60, 3)), rng.normal(size=(60, 6))
+
+
+def test_what_a_pose_explains_moves_no_parameter():
+    """Errors would be too large, or a pose's error be laid on a lens, if poses were not eliminated from the gradient."""
+    y, Jt, Jp = residuals_and_derivatives()
+    by_pose = Jp @ np.arange(1.0, 7.0)[:, None]
+    assert np.abs(response(y, Jt, Jp, by_pose)).max() < 1e-6
+    np.testing.assert_allclose(response(y, Jt, Jp, y[:, None])[:, 0], without_pose(y, Jt, Jp, NU)[1], atol=1e-6)
+
+
+def test_rounding_errs_where_no_noise_carries_levels_across():
+    """A constant floor would blind the fit to levels in noise, none would make a rounded flat a difference."""
+    simulated = {}
+    for sd in (0.0, 0.3, 1.0):
+        noise = np.random.default_rng(1).normal(0, sd, 20000)
+        levels = np.linspace(100, 101, 41)[:-1]
+        simulated[sd] = np.mean([(np.rint(level + noise).mean() - level) ** 2 for level in levels])
+        variance = np.mean([np.rint(level + noise).var() for level in levels])
+        assert rounding_variance(variance) >= 0.5 * simulated[sd] - 1e-4
+    assert rounding_variance(0.0) == 1 / 12
+    assert rounding_variance(1.0) < 1e-12
