@@ -1,9 +1,10 @@
 """A smooth displacement of the image that no lens formula describes, the same in every capture (headset passthrough).
 
-A cosine series over the frame, u and v from 0 to 1: d(u, v) = sum of a_jk cos(pi j u) cos(pi k v) for x and y, up to
-j + k = 8. A prior holds fine waves smaller than coarse ones, so that the field stays smooth where no plate was seen.
-Source: Ahmed, Natarajan and Rao, "Discrete cosine transform" (1974); as bases of smooth warps Ashburner and Friston,
-"Nonlinear spatial normalization using basis functions" (1999).
+A cosine series, u and v from 0 to 1: d(u, v) = sum of a_jk cos(pi j u) cos(pi k v) for x and y, up to j + k = 8, over the
+frame and a fifth of it on every side: at its own ends such a series has no slope, which no warp would heed. A prior holds
+fine waves smaller than coarse ones, so that the field stays smooth where no plate was seen. Source: Ahmed, Natarajan and
+Rao, "Discrete cosine transform" (1974); as bases of smooth warps Ashburner and Friston, "Nonlinear spatial normalization
+using basis functions" (1999).
 """
 
 import numpy as np
@@ -12,6 +13,7 @@ from effects.base import Parameter
 
 STAGE, ORDER = "processing", 5
 DEGREE = 8
+BEYOND = 0.2  # of the frame's sides
 WAVES = [(j, k) for j in range(DEGREE + 1) for k in range(DEGREE + 1 - j)]
 
 
@@ -31,8 +33,9 @@ PARAMETERS = {
 
 def map_points(xy, view, p, channel):
     """Displace points by the series."""
-    across = np.cos(np.pi * np.arange(DEGREE + 1) * (xy[:, :1] + 0.5) / view.width)
-    down = np.cos(np.pi * np.arange(DEGREE + 1) * (xy[:, 1:] + 0.5) / view.height)
+    u, v = (((xy + 0.5) / (view.width, view.height) + BEYOND) / (1 + 2 * BEYOND)).T
+    across = np.cos(np.pi * u[:, None] * np.arange(DEGREE + 1))
+    down = np.cos(np.pi * v[:, None] * np.arange(DEGREE + 1))
     j, k = np.array(WAVES).T
     amplitudes = np.array([p[name] for name in PARAMETERS]).reshape(2, len(WAVES))
     return xy + (across[:, j] * down[:, k]) @ amplitudes.T
