@@ -105,6 +105,12 @@ class Case:
             self._scenes[key] = (scene, self._prints_of(scene), corners)
         return self._scenes[key]
 
+    def rims_of(self, effects):
+        """Return how far the twin's plates reach beyond the nominal ones (p,), metres, codes brought to one size."""
+        plates = self.scene_of(effects)[0].plates
+        code, plate = np.array([(p.x_m[-2], p.x_m[-1]) for p in plates]).T
+        return plate / code * self.codes.half_code - self.codes.half_plate
+
     def _prints_of(self, scene):
         """Return the Prints of a scene, the same ones while only its light changes."""
         for plates, ink_spread_m, prints in self._prints:

@@ -12,11 +12,12 @@ import numpy as np
 from effects import pipeline
 from gap.flats import field_levels
 from gap.observe import FINE, classify_flats, grey_of, measure_colour, measure_plates, observe_noise
+from gap.patch import N_FEATURES
 from job import seed_of
 
 NU = 8.0  # robust log(1 + y^2 / nu): quadratic for noise, forgiving for a bad plate
 # Standard deviations below which no difference counts: synthesis against an ideal camera's image
-FEATURE_FLOOR = np.array([0.006] * 8 + [0.15] * 3 + [0.15] * 2 + [0.012] * 3 + [0.004, 0.005])
+FEATURE_FLOOR = np.array([0.006] * 8 + [0.15] * 3 + [0.15] * 2 + [0.012] * 3 + [0.004, 0.005, 0.006])
 SHARED = 0.25  # of these floors, what all plates of all captures may have in common
 LEVELS = slice(8, 11)  # white, black and ground among the features
 COLOUR_FLOOR = np.array([0.15, 0.15, 0.15, 0.006, 0.006] * 2)
@@ -90,14 +91,14 @@ class Whitener:
         self.plates = np.flatnonzero(o.measured)
         s2 = capture.noise_variance
         info = o.information[self.plates]
-        covariance = np.linalg.inv(info) * s2 if len(info) else np.zeros((0, 18, 18))
+        covariance = np.linalg.inv(info) * s2 if len(info) else np.zeros((0, N_FEATURES, N_FEATURES))
         rounding = np.zeros(len(FEATURE_FLOOR))
         rounding[LEVELS] = rounding_variance(s2)
         covariance = covariance + np.diag(FEATURE_FLOOR**2 + rounding)
         self.lower_inverse = np.linalg.inv(np.linalg.cholesky(covariance)) if len(info) else covariance
         corner_covariance = covariance[:, :8, :8]
         self.corner_inverse = np.linalg.inv(np.linalg.cholesky(corner_covariance)) if len(info) else corner_covariance
-        sd = np.sqrt(np.array([np.diag(c) for c in covariance])).reshape(-1, 18)
+        sd = np.sqrt(np.array([np.diag(c) for c in covariance])).reshape(-1, N_FEATURES)
         self.feature_sd = sd
         self.colour_sd = np.hypot(
             np.concatenate([sd[:, 8:11], sd[:, [0, 1]], sd[:, 8:11], sd[:, [0, 1]]], axis=1), COLOUR_FLOOR
@@ -198,17 +199,23 @@ class Fitter:
         grey = grey_of(image)
         exact = case.corners_of(case.captures[i], effects, delta)
         wanted = o.measured & np.isfinite(exact).all((1, 2))
-        features, _, measured, _ = measure_plates(grey, exact, wanted, case.codes, FINE)
+        features, _, measured, _ = measure_plates(grey, exact, wanted, case.codes, FINE, case.rims_of(effects))
         colour = measure_colour(image, features[:, :8].reshape(-1, 4, 2), measured, case.codes)
         field, _ = field_levels(grey.astype(np.float64), o.classes)
         return features, measured, colour, field
 
     def own_scatter(self, i, effects, delta):
-        """Return {group: whitened residuals} of a capture that the twin itself takes, noise and all, about the expected."""
+        """Return {group: whitened residuals} of a capture that the twin itself takes, noise and all, about the expected.
+
+        What a pose could explain is taken out, as it is from a real capture.
+        """
         case, capture = self.case, self.case.captures[i]
         expected = replace(self.predict(i, effects, delta), noise=None)
         rng = np.random.default_rng(seed_of(case.campaign, case.camera, capture.view.capture, "own scatter"))
-        image = case.image_of(self.radiance(i, effects, delta), capture, effects, delta, rng)
+        radiance = self.radiance(i, effects, delta)
+        if capture.observation.has_noise_by_channel and radiance.shape[2] == 1:
+            radiance = np.repeat(radiance, 3, axis=2)
+        image = case.image_of(radiance, capture, effects, delta, rng)
         features, measured, colour, field = self._measured(i, image, effects, delta)
         both = measured & expected.measured
         taken = replace(
@@ -217,6 +224,12 @@ class Fitter:
             colour=np.where(both[:, None], colour, expected.colour),
             field=field,
         )
+        groups = self.whiteners[i].residuals(taken, expected)
+        Li, plates = self.whiteners[i].corner_inverse, self.whiteners[i].plates
+        J = self.pose_jacobian(i, effects, delta)
+        whitened = np.einsum("pij,pjk->pik", Li, J).reshape(-1, 6)
+        move = np.linalg.lstsq(whitened, groups["corners"].ravel(), rcond=None)[0]
+        taken.features[plates, :8] -= J @ move
         return self.whiteners[i].residuals(taken, expected)
 
     # -- geometry alone -------------------------------------------------------------------------------------------
@@ -460,13 +473,13 @@ class Fitter:
     def _spread_corners(w, d_corners, groups):
         """Whiten derivatives of corners (p, 8, k) and lay them where the residual vector has its plates."""
         k = d_corners.shape[-1]
-        full = np.zeros((len(w.plates), 18, k))
+        full = np.zeros((len(w.plates), N_FEATURES, k))
         full[:, :8] = d_corners
         return Fitter._laid_out(w, full, groups)
 
     @staticmethod
     def _laid_out(w, d_features, groups):
-        """Whiten changes of features (p, 18, k) and lay them where the residual vector has its plates."""
+        """Whiten changes of features (p, 19, k) and lay them where the residual vector has its plates."""
         k = d_features.shape[-1]
         y = np.einsum("pij,pjk->pik", w.lower_inverse, d_features)
         parts = {"corners": y[:, :8], "levels": y[:, 8:13], "edges": y[:, 13:]}

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from numba import njit
 
-from gap.flats import field_levels, flat_classes, noise_features
-from gap.patch import FEATURES, N_FEATURES, _expand, _solve, measure_plate
+from gap.flats import NOISE_FEATURES, field_levels, flat_classes, noise_features
+from gap.patch import FEATURES, N_FEATURES, _expand, _solve, measure_plate, px_per_m
 from gap.synthesis import black_rectangles
 
 COLOUR_FEATURES = (
@@ -17,7 +17,7 @@ COLOUR_FEATURES = (
 N_COLOUR = len(COLOUR_FEATURES)
 SMALLEST_SIDE_PX = 7.0  # of the code: a module is then one pixel
 # Prior precision of the coefficients, in grey levels of noise: corners and levels free, the rest held to sense
-RIDGE = np.array([1e-4] * 8 + [1e-4] * 5 + [1e-2] * 5)
+RIDGE = np.array([1e-4] * 8 + [1e-4] * 5 + [1e-2] * 5 + [1e-4])
 COARSE_TO_FINE = np.array([4, 1, 0])
 FINE = np.array([0])
 FARTHEST_PX = 25.0
@@ -25,7 +25,7 @@ OTHER_STARTS_PX = 0.15 * np.array(
     [[[1, 1], [1, 1], [1, 1], [1, 1]], [[1, -1], [-1, -1], [-1, 1], [1, 1]]], float
 )  # all corners moved alike, and all away from or towards one another
 UNSETTLED_PX = 0.03
-WHITE, BLACK = FEATURES.index("white"), FEATURES.index("black")
+WHITE, BLACK, RIM = (FEATURES.index(name) for name in ("white", "black", "rim"))
 LEAST_CONTRAST = 0.2  # of the nominal: to the noise of a black or saturated image a small faint plate fits
 WORST_MISFIT = 0.15  # of the contrast: a fit to something else than the plate leaves more, any effect less
 
@@ -78,7 +78,7 @@ class Codes:
 class Observation:
     """What was measured in one image.
 
-    features (p, 18) of gap.patch.FEATURES, corners first, in pixels; information (p, 18, 18) per unit noise
+    features (p, 19) of gap.patch.FEATURES, corners first, in pixels; information (p, 19, 19) per unit noise
     variance; measured (p,) bool; colour (p, 10); classes (H, W); field, field_n; noise, noise_se.
     """
 
@@ -97,6 +97,11 @@ class Observation:
     def corners(self):
         """Corners of the codes (p, 4, 2), pixels."""
         return self.features[:, :8].reshape(-1, 4, 2)
+
+    @property
+    def has_noise_by_channel(self):
+        """Whether red and blue differ by noise of their own: the mean over channels then has less."""
+        return self.noise[NOISE_FEATURES.index("noise_colour")] > np.log(0.5)
 
 
 @njit(cache=True)
@@ -154,12 +159,14 @@ def wholly_inside(corners, width, height, border=6.0):
     )
 
 
-def measure_plates(grey, starts, wanted, codes, radii):
+def measure_plates(grey, starts, wanted, codes, radii, rims=None):
     """Measure the wanted plates (p,) of a grey image (H, W) from predicted corners (p, 4, 2).
 
-    Return features (p, 18), information (p, 18, 18), measured (p,), misfit variance (p,).
+    ``rims`` (p,): how far plates are predicted to reach beyond the nominal ones, metres; None: not at all.
+    Return features (p, 19), information (p, 19, 19), measured (p,), misfit variance (p,).
     """
     n = len(starts)
+    rims = np.zeros(n) if rims is None else rims
     features = np.full((n, N_FEATURES), np.nan)
     information = np.zeros((n, N_FEATURES, N_FEATURES))
     measured = np.zeros(n, bool)
@@ -167,7 +174,7 @@ def measure_plates(grey, starts, wanted, codes, radii):
     grey = np.ascontiguousarray(grey, np.float32)
     for i in np.flatnonzero(wanted):
         f, info, _, variance, _, ok = measure_plate(
-            grey, np.ascontiguousarray(starts[i]), codes.half_code[i], codes.half_plate[i], codes.rectangles[i],
+            grey, np.ascontiguousarray(starts[i]), rims[i], codes.half_code[i], codes.half_plate[i], codes.rectangles[i],
             codes.levels, codes.lut, RIDGE, radii, FARTHEST_PX,
         )  # fmt: skip
         contrast = codes.contrast_dn + f[WHITE] - f[BLACK]
@@ -220,8 +227,11 @@ def settled(grey, features, measured, codes):
     Where blur is wider than a module, a fit to the sharp code stops anywhere near: such a plate says nothing.
     """
     corners = features[:, :8].reshape(-1, 4, 2)
+    rims = np.zeros(len(corners))
+    for i in np.flatnonzero(measured):
+        rims[i] = features[i, RIM] / px_per_m(np.ascontiguousarray(corners[i]), codes.half_code[i])
     for moves in OTHER_STARTS_PX:
-        again, _, found, _ = measure_plates(grey, corners + moves, measured, codes, FINE)
+        again, _, found, _ = measure_plates(grey, corners + moves, measured, codes, FINE, rims)
         apart = np.abs(again[:, :8] - features[:, :8]).max(1)
         measured = measured & found & (apart < UNSETTLED_PX)
     return measured

@@ -14,10 +14,12 @@ from gap.raster import add_edge
 FEATURES = (
     "corner_x0", "corner_y0", "corner_x1", "corner_y1", "corner_x2", "corner_y2", "corner_x3", "corner_y3",
     "white", "black", "ground", "white_slope_u", "white_slope_v",
-    "spread_x", "spread_y", "spread_xy", "overshoot", "ink",
+    "spread_x", "spread_y", "spread_xy", "overshoot", "ink", "rim",
 )  # fmt: skip
 N_FEATURES = len(FEATURES)
-UNITS = ("px",) * 8 + ("dn",) * 5 + ("px2",) * 3 + ("1", "px")
+RIM_STEP_PX = 0.25  # of the difference that says how the plate's outline moves
+FARTHEST_RIM = 0.5  # of the white ring inwards, of the plate outwards
+UNITS = ("px",) * 8 + ("dn",) * 5 + ("px2",) * 3 + ("1", "px", "px")
 
 
 @njit(cache=True)
@@ -107,10 +109,21 @@ def _plate_coordinates(inverse, x, y, half_code):
 
 
 @njit(cache=True)
-def _expand(image, corners, half_code, half_plate, rectangles, levels, shifts, lut, x0, y0, radius):
-    """Return (expansion images (h, w, 18), residual (h, w)) of a patch about the model at ``corners``.
+def px_per_m(corners, half_code):
+    """Return the pixels that a metre on the plate spans, on average."""
+    side = 0.0
+    for k in range(4):
+        along = corners[(k + 1) % 4] - corners[k]
+        side += np.hypot(along[0], along[1]) / 4
+    return side / (2 * half_code)
 
-    ``shifts`` (5,) are grey levels already found for white, black, ground and the slopes over the plate.
+
+@njit(cache=True)
+def _expand(image, corners, half_code, half_plate, rectangles, levels, shifts, lut, x0, y0, radius):
+    """Return (expansion images (h, w, 19), residual (h, w)) of a patch about the model at ``corners``.
+
+    ``half_plate`` is that found so far, ``shifts`` (5,) are grey levels already found for white, black, ground and the
+    slopes over the plate.
     """
     h, w = image.shape
     c = half_code
@@ -121,6 +134,10 @@ def _expand(image, corners, half_code, half_plate, rectangles, levels, shifts, l
     _draw(acc, H, outline, x0, y0)
     plate = _sum_rows(acc, h, w)
     acc[:] = 0
+    wider = half_plate + RIM_STEP_PX / px_per_m(corners, half_code)
+    _draw(acc, H, np.array([[-wider, -wider, wider, wider]]), x0, y0)
+    rim = _sum_rows(acc, h, w) - plate
+    acc[:] = 0
     _draw(acc, H, rectangles, x0, y0)
     black = _sum_rows(acc, h, w)
     white_level, black_level, ground_level = levels
@@ -130,6 +147,7 @@ def _expand(image, corners, half_code, half_plate, rectangles, levels, shifts, l
             lin = ground_level + (white_level - ground_level) * plate[r, k] + (black_level - white_level) * black[r, k]
             model[r, k] = _encode(lin, lut)
     contrast = _encode(white_level, lut) - _encode(black_level, lut) + shifts[0] - shifts[1]
+    outer_contrast = _encode(white_level, lut) - _encode(ground_level, lut) + shifts[0] - shifts[2]
     inverse = np.linalg.inv(H)
     for r in range(h):
         for k in range(w):
@@ -140,7 +158,8 @@ def _expand(image, corners, half_code, half_plate, rectangles, levels, shifts, l
     smooth = _box(model, radius)
     residual = _box(image, radius) - smooth
     wide = _box(smooth, 4)
-    B = np.zeros((h, w, 18))
+    rim = _box(rim, radius)
+    B = np.zeros((h, w, N_FEATURES))
     for r in range(h):
         up, down = max(r - 1, 0), min(r + 1, h - 1)
         for k in range(w):
@@ -169,6 +188,7 @@ def _expand(image, corners, half_code, half_plate, rectangles, levels, shifts, l
             bx = 0.5 * (black[r, right] - black[r, left])
             by = 0.5 * (black[down, k] - black[up, k])
             B[r, k, 17] = -contrast * np.sqrt(bx * bx + by * by)
+            B[r, k, 18] = outer_contrast * rim[r, k] / RIM_STEP_PX
     return B, residual
 
 
@@ -192,22 +212,23 @@ def _solve(B, residual, ridge):
 
 
 @njit(cache=True)
-def measure_plate(image, start, half_code, half_plate, rectangles, levels, lut, ridge, radii, max_px):
+def measure_plate(image, start, rim, half_code, half_plate, rectangles, levels, lut, ridge, radii, max_px):
     """Fit one plate.
 
-    image        (H, W) float32 grey levels; start (4, 2) predicted corners of the code, pixels
+    image        (H, W) float32 grey levels; start (4, 2) predicted corners of the code, pixels; rim how far the plate
+                 is predicted to reach beyond ``half_plate``, metres
     half_code, half_plate  metres; rectangles (n, 4) black area, metres
     levels       linear values of white, black, ground; lut grey level of linear values 0..1
-    ridge        (18,) prior precision of each coefficient in units of one grey level's noise
+    ridge        (19,) prior precision of each coefficient in units of one grey level's noise
     radii        box radii of the coarse-to-fine passes, ending in 0; max_px how far corners may go from ``start``
 
-    Return (features (18,), information matrix (18, 18) per unit noise variance, corners (4, 2), noise variance of
+    Return (features (19,), information matrix (19, 19) per unit noise variance, corners (4, 2), noise variance of
     the fit, steps' last size in pixels, 1.0 if converged else 0.0); the first eight features are the corners.
     """
     H_img, W_img = image.shape
     corners = start.copy()
-    values = np.zeros(18)
-    info = np.eye(18)
+    values = np.zeros(N_FEATURES)
+    info = np.eye(N_FEATURES)
     variance = 0.0
     step = 1e9
     ok = 0.0
@@ -222,9 +243,10 @@ def measure_plate(image, start, half_code, half_plate, rectangles, levels, lut, 
             H = homography(np.array([[-c, c], [c, c], [c, -c], [-c, -c]]), corners)
             xs = np.empty(4)
             ys = np.empty(4)
+            outline = half_plate + rim
             for k in range(4):
-                x = -half_plate if k == 0 or k == 3 else half_plate
-                y = half_plate if k < 2 else -half_plate
+                x = -outline if k == 0 or k == 3 else outline
+                y = outline if k < 2 else -outline
                 q = H[2, 0] * x + H[2, 1] * y + H[2, 2]
                 xs[k] = (H[0, 0] * x + H[0, 1] * y + H[0, 2]) / q
                 ys[k] = (H[1, 0] * x + H[1, 1] * y + H[1, 2]) / q
@@ -240,17 +262,15 @@ def measure_plate(image, start, half_code, half_plate, rectangles, levels, lut, 
             if x1 - x0 < 8 or y1 - y0 < 6:
                 return values, info, corners, variance, step, 0.0
             patch = image[y0:y1, x0:x1].astype(np.float64)
-            B, residual = _expand(
-                patch, corners, half_code, half_plate, rectangles, levels, shifts, lut, x0, y0, radius
-            )
+            B, residual = _expand(patch, corners, half_code, outline, rectangles, levels, shifts, lut, x0, y0, radius)
             prior = ridge.copy()
             if radius > 0:
-                prior[13:] = 1e12
+                prior[13:18] = 1e12
             coefficients, info, rss, count = _solve(B, residual, prior)
-            variance = max(rss, 0.0) / max(count - 18, 1)
+            variance = max(rss, 0.0) / max(count - N_FEATURES, 1)
             values = coefficients
             step = 0.0
-            for k in range(8):
+            for k in (0, 1, 2, 3, 4, 5, 6, 7, 18):
                 step = max(step, abs(coefficients[k]))
             # an undersampled edge makes steps overshoot: relax when they turn back
             if (previous * coefficients[:8]).sum() < -0.25 * (previous * previous).sum():
@@ -260,6 +280,10 @@ def measure_plate(image, start, half_code, half_plate, rectangles, levels, lut, 
             for k in range(5):
                 shifts[k] += coefficients[8 + k]
             values[8:13] = shifts
+            scale_px_m = px_per_m(corners, half_code)
+            rim += scale * coefficients[18] / scale_px_m
+            rim = min(max(rim, -FARTHEST_RIM * (half_plate - half_code)), FARTHEST_RIM * half_plate)
+            values[18] = rim * scale_px_m
             for k in range(4):
                 corners[k, 0] += scale * coefficients[2 * k]
                 corners[k, 1] += scale * coefficients[2 * k + 1]

@@ -8,7 +8,7 @@ import pytest
 from effects import pipeline
 from effects.base import Scene, View
 from gap.case import code_corners_world, encoding_table, mean_of_clipped
-from gap.observe import FINE, Codes, measure_plates, settled
+from gap.observe import COARSE_TO_FINE, FINE, Codes, measure_plates, settled
 from gap.raster import coverage
 from gap.synthesis import Prints, coverages, shade
 from rig.geometry import camera_matrix, project, station_pose
@@ -65,6 +65,25 @@ def test_the_fit_finds_projected_corners_of_its_own_synthesis_and_of_noise_its_s
     se = np.sqrt([np.diag(np.linalg.inv(i)) for i in information])[:, :8]
     assert measured.all() and np.abs(error).max() < 0.03
     assert np.abs(error.reshape(-1, 8) / se).max() < 5
+
+
+@pytest.mark.parametrize("scale", [0.95, 1.0, 1.05])
+def test_codes_of_another_size_are_measured_where_they_are(scale):
+    """A measure that holds the plate to its code puts corners between the two, and noise then throws them about."""
+    nominal, view = scene_and_view()
+    scene = pipeline.scene_with_effects(nominal, [("marker_scale", {"scale": scale})])
+    table = encoding_table("srgb", 1.0)
+    codes = Codes.of(nominal.plates, [0.8, 0.05, 0.35], table)
+    m = view.margin
+    linear = shade(scene, view, *coverages(Prints(scene.plates), view))[m:-m, m:-m]
+    grey = np.interp(linear, np.linspace(0, 1, len(table)), table).astype(np.float32)
+    truth = project(view.K, view.T_cam_world, np.array([code_corners_world(p) for p in scene.plates]))
+    features, _, measured, _ = measure_plates(grey, truth + 0.4, np.ones(2, bool), codes, COARSE_TO_FINE)
+    assert measured.all()
+    assert np.abs(features[:, :8].reshape(-1, 4, 2) - truth).max() < 0.02
+    side = np.linalg.norm(truth - np.roll(truth, 1, axis=1), axis=-1).mean(1)
+    wanted = side / 2 * (codes.half_plate / (scale * codes.half_code) - codes.half_plate / codes.half_code)
+    np.testing.assert_allclose(features[:, -1], wanted, atol=0.05)
 
 
 def test_ink_grows_by_its_length_and_not_by_its_area():
