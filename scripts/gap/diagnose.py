@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from itertools import zip_longest
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from effects import pipeline
 from gap.fit import (
@@ -49,6 +50,7 @@ SHARE_OF_BEST = 0.01  # of the best promise: less is not fitted in this step eit
 # Floors come from trials; they differ by more only where the twin is still wrong
 SMALLEST_FLOOR = {"corners": 0.25, "edges": 0.25, "levels": 0.5, "colour": 0.5, "field": 0.5, "noise": 0.5}
 LARGEST_FLOOR = 1.5
+LIKE_NOISE = 1.5  # gap of the noise's own observables up to which the twin's noise is like the real one
 ALLOWED = 0.1
 ENOUGH = 1.10  # a gap up to this, in units of the floor, is the floor
 
@@ -104,13 +106,31 @@ RECORDED = (
 def split_by_station(case):
     """Return (training, held-out) indices of captures: whole stations, alternating over heights and tilts.
 
-    Empty held-out where there are fewer than two stations.
+    Of the two halves, the one whose plates lie nearer to the other's in the image trains: what lies where no plate was
+    fitted tests nothing. Empty held-out where there are fewer than two stations.
     """
     stations = sorted({c.view.station for c in case.captures})
-    held_out = {s for k, s in enumerate(stations) if (k + k // 2) % 2}
-    train = [i for i, c in enumerate(case.captures) if c.view.station not in held_out]
-    test = [i for i, c in enumerate(case.captures) if c.view.station in held_out]
-    return train, test
+    second = {s for k, s in enumerate(stations) if (k + k // 2) % 2}
+    halves = [
+        [i for i, c in enumerate(case.captures) if (c.view.station in second) == is_second]
+        for is_second in (False, True)
+    ]
+    a, b = (plate_centres(case, half) for half in halves)
+    if len(a) and len(b) and farthest_from(b, a) < farthest_from(a, b):
+        halves.reverse()
+    return tuple(halves)
+
+
+def plate_centres(case, indices):
+    """Return the centres (n, 2) of all plates measured in some captures, pixels."""
+    found = [case.captures[i].observation for i in indices]
+    centres = [o.corners[o.measured].mean(1) for o in found if o is not None]
+    return np.concatenate(centres) if centres else np.zeros((0, 2))
+
+
+def farthest_from(train, test):
+    """Return how far, root mean square, points ``test`` (m, 2) lie from the nearest of points ``train`` (n, 2)."""
+    return float(np.sqrt((cKDTree(train).query(test)[0] ** 2).mean()))
 
 
 def null_of(effect):
@@ -255,9 +275,12 @@ class Diagnosis:
     def _floors(self, groups):
         """Return {group: floor}: what trials of a station differ by, or the twin's own captures from what it expects.
 
-        The second is more where noise meets a codec's leaps, or where a pattern repeats that only the real sensor knows.
+        The second is more where noise meets a codec's leaps, or where a pattern repeats that only the real sensor knows;
+        it counts where the twin's noise is like the real one.
         """
         floors = floors_of(self.case, groups)
+        if group_gaps(groups, {}).get("noise", np.inf) > LIKE_NOISE:
+            return floors
         own = {i: self.fitter.own_scatter(i, self.effects, self.poses[i]) for i in probes(self.train)}
         scatter = group_gaps(own, {})
         return {name: max(floor, scatter.get(name, 0.0)) for name, floor in floors.items()}

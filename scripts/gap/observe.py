@@ -21,10 +21,8 @@ RIDGE = np.array([1e-4] * 8 + [1e-4] * 5 + [1e-2] * 5 + [1e-4])
 COARSE_TO_FINE = np.array([4, 1, 0])
 FINE = np.array([0])
 FARTHEST_PX = 25.0
-OTHER_STARTS_PX = 0.15 * np.array(
-    [[[1, 1], [1, 1], [1, 1], [1, 1]], [[1, -1], [-1, -1], [-1, 1], [1, 1]]], float
-)  # all corners moved alike, and all away from or towards one another
-UNSETTLED_PX = 0.03
+REPEATS, CHANCE = 2, 2.0  # measurements with noise added; the mean square that they reach once in a hundred times
+MOST_AMPLIFIED = 4.0  # noise of a plate that is used
 WHITE, BLACK, RIM = (FEATURES.index(name) for name in ("white", "black", "rim"))
 LEAST_CONTRAST = 0.2  # of the nominal: to the noise of a black or saturated image a small faint plate fits
 WORST_MISFIT = 0.15  # of the contrast: a fit to something else than the plate leaves more, any effect less
@@ -221,20 +219,26 @@ def classify_flats(shape, corners, measured, outlines, view, codes, band=30.0):
     )  # fmt: skip
 
 
-def settled(grey, features, measured, codes):
-    """Return which of the measured plates (p,) are found at the same place from starts a little off.
+def noise_amplification(grey, features, information, measured, codes):
+    """Return how many times as far as their information says noise moves the measured plates (p,), 1 or more; infinite
+    where a plate is then lost.
 
-    Where blur is wider than a module, a fit to the sharp code stops anywhere near: such a plate says nothing.
+    Where blur is wider than a module, a fit to the sharp code hardly knows where to go: the plates are measured again with
+    noise of one grey level added. What chance makes of twice sixteen corner coordinates is no amplification.
     """
     corners = features[:, :8].reshape(-1, 4, 2)
-    rims = np.zeros(len(corners))
+    rims = np.zeros(len(features))
     for i in np.flatnonzero(measured):
         rims[i] = features[i, RIM] / px_per_m(np.ascontiguousarray(corners[i]), codes.half_code[i])
-    for moves in OTHER_STARTS_PX:
-        again, _, found, _ = measure_plates(grey, corners + moves, measured, codes, FINE, rims)
-        apart = np.abs(again[:, :8] - features[:, :8]).max(1)
-        measured = measured & found & (apart < UNSETTLED_PX)
-    return measured
+    squares = np.where(measured, 0.0, 1.0)
+    for seed in range(REPEATS):
+        noise = np.random.default_rng(seed).standard_normal(grey.shape, dtype=np.float32)
+        again, _, found, _ = measure_plates(grey + noise, corners, measured, codes, FINE, rims)
+        for i in np.flatnonzero(measured):
+            moved = again[i, :8] - features[i, :8]
+            covariance = np.linalg.inv(information[i])[:8, :8]
+            squares[i] += moved @ np.linalg.solve(covariance, moved) / (8 * REPEATS) if found[i] else np.inf
+    return np.sqrt(np.where(squares > CHANCE, squares, 1.0))
 
 
 def observe(image, starts, outlines, wanted, view, codes, radii):
@@ -245,7 +249,9 @@ def observe(image, starts, outlines, wanted, view, codes, radii):
     image = image.astype(np.float32)
     grey = grey_of(image)
     features, information, measured, misfit = measure_plates(grey, starts, wanted, codes, radii)
-    measured = settled(grey, features, measured, codes)
+    amplified = noise_amplification(grey, features, information, measured, codes)
+    measured = measured & (amplified < MOST_AMPLIFIED)
+    information = information / np.minimum(amplified, MOST_AMPLIFIED)[:, None, None] ** 2
     corners = features[:, :8].reshape(-1, 4, 2)
     colour = measure_colour(image, corners, measured, codes)
     classes = classify_flats(grey.shape, corners, measured, outlines, view, codes)

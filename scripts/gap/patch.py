@@ -18,7 +18,14 @@ FEATURES = (
 )  # fmt: skip
 N_FEATURES = len(FEATURES)
 RIM_STEP_PX = 0.25  # of the difference that says how the plate's outline moves
-FARTHEST_RIM = 0.5  # of the white ring inwards, of the plate outwards
+FARTHEST_RIM = 1.5  # of the plate's half side
+N_STATE = 14  # what iterations move: eight corners, five levels, the rim
+RIM = 13
+DEPTH = 4  # iterations whose changes lead the next
+PX_PER_LEVEL = 0.02  # how much a grey level counts beside a pixel there
+COARSE_ITERATIONS, FINE_ITERATIONS = 5, 30
+SMALLEST_STEP_PX = 0.0005
+LARGEST_PX = 600
 UNITS = ("px",) * 8 + ("dn",) * 5 + ("px2",) * 3 + ("1", "px", "px")
 
 
@@ -212,7 +219,53 @@ def _solve(B, residual, ridge):
 
 
 @njit(cache=True)
-def measure_plate(image, start, rim, half_code, half_plate, rectangles, levels, lut, ridge, radii, max_px):
+def _window(corners, half_code, half_plate, pad, shape):
+    """Return (x0, y0, x1, y1) of the pixels of an image of that shape that a plate covers, ``pad`` px around it."""
+    c = half_code
+    H = homography(np.array([[-c, c], [c, c], [c, -c], [-c, -c]]), corners)
+    xs = np.empty(4)
+    ys = np.empty(4)
+    for k in range(4):
+        x = -half_plate if k == 0 or k == 3 else half_plate
+        y = half_plate if k < 2 else -half_plate
+        q = H[2, 0] * x + H[2, 1] * y + H[2, 2]
+        xs[k] = (H[0, 0] * x + H[0, 1] * y + H[0, 2]) / q
+        ys[k] = (H[1, 0] * x + H[1, 1] * y + H[1, 2]) / q
+    x0, y0 = int(np.floor(xs.min())) - pad, int(np.floor(ys.min())) - pad
+    x1, y1 = int(np.ceil(xs.max())) + pad + 1, int(np.ceil(ys.max())) + pad + 1
+    return max(x0, 0), max(y0, 0), min(x1, shape[1]), min(y1, shape[0])
+
+
+@njit(cache=True)
+def _accelerated(state, step, before, changes, n):
+    """Return the move of iteration n; ``before`` (2, k) and ``changes`` (2, DEPTH, k) keep earlier states and steps.
+
+    A fit to a code sharper than the image creeps, or overshoots where edges are undersampled: what the last steps changed
+    says where they lead. Source: D. G. Anderson, "Iterative procedures for nonlinear integral equations" (1965).
+    """
+    move = step.copy()
+    if n > 0:
+        changes[0, (n - 1) % DEPTH] = state - before[0]
+        changes[1, (n - 1) % DEPTH] = step - before[1]
+        m = min(n, DEPTH)
+        by = np.ones(N_STATE)
+        by[8:13] = PX_PER_LEVEL
+        F = changes[1, :m] * by
+        G = F @ F.T
+        for i in range(m):
+            G[i, i] = G[i, i] * (1 + 1e-6) + 1e-14
+        share = np.linalg.solve(G, F @ (step * by))
+        for i in range(m):
+            move -= share[i] * (changes[0, i] + changes[1, i])
+    before[0] = state
+    before[1] = step
+    return move
+
+
+@njit(cache=True)
+def measure_plate(
+    image, start, rim, half_code, half_plate, rectangles, levels, lut, ridge, radii, max_px, most=FINE_ITERATIONS
+):
     """Fit one plate.
 
     image        (H, W) float32 grey levels; start (4, 2) predicted corners of the code, pixels; rim how far the plate
@@ -220,79 +273,50 @@ def measure_plate(image, start, rim, half_code, half_plate, rectangles, levels, 
     half_code, half_plate  metres; rectangles (n, 4) black area, metres
     levels       linear values of white, black, ground; lut grey level of linear values 0..1
     ridge        (19,) prior precision of each coefficient in units of one grey level's noise
-    radii        box radii of the coarse-to-fine passes, ending in 0; max_px how far corners may go from ``start``
+    radii        box radii of the coarse-to-fine passes, ending in 0; max_px how far corners may go from ``start``;
+                 most: iterations of the last pass
 
     Return (features (19,), information matrix (19, 19) per unit noise variance, corners (4, 2), noise variance of
     the fit, steps' last size in pixels, 1.0 if converged else 0.0); the first eight features are the corners.
     """
-    H_img, W_img = image.shape
     corners = start.copy()
     values = np.zeros(N_FEATURES)
     info = np.eye(N_FEATURES)
     variance = 0.0
-    step = 1e9
-    ok = 0.0
-    shifts = np.zeros(5)
+    size = 1e9
+    state = np.zeros(N_STATE)
+    state[:8] = corners.ravel()
+    state[RIM] = rim * px_per_m(corners, half_code)
     for p in range(radii.shape[0]):
         radius = radii[p]
-        iterations = 5 if radius > 0 else 12
-        relax = 1.0
-        previous = np.zeros(8)
-        for _ in range(iterations):
-            c = half_code
-            H = homography(np.array([[-c, c], [c, c], [c, -c], [-c, -c]]), corners)
-            xs = np.empty(4)
-            ys = np.empty(4)
-            outline = half_plate + rim
-            for k in range(4):
-                x = -outline if k == 0 or k == 3 else outline
-                y = outline if k < 2 else -outline
-                q = H[2, 0] * x + H[2, 1] * y + H[2, 2]
-                xs[k] = (H[0, 0] * x + H[0, 1] * y + H[0, 2]) / q
-                ys[k] = (H[1, 0] * x + H[1, 1] * y + H[1, 2]) / q
-            pad = 3 + 2 * radius
-            x0 = int(np.floor(xs.min())) - pad
-            y0 = int(np.floor(ys.min())) - pad
-            x1 = int(np.ceil(xs.max())) + pad + 1
-            y1 = int(np.ceil(ys.max())) + pad + 1
-            if x1 - x0 > 600 or y1 - y0 > 600:
-                return values, info, corners, variance, step, 0.0
-            x0, y0 = max(x0, 0), max(y0, 0)
-            x1, y1 = min(x1, W_img), min(y1, H_img)
-            if x1 - x0 < 8 or y1 - y0 < 6:
-                return values, info, corners, variance, step, 0.0
+        changes = np.zeros((2, DEPTH, N_STATE))  # of the state and of its step, from one iteration to the next
+        before = np.zeros((2, N_STATE))
+        for n in range(COARSE_ITERATIONS if radius > 0 else most):
+            corners = state[:8].copy().reshape(4, 2)
+            outline = half_plate + state[RIM] / px_per_m(corners, half_code)
+            outline = min(max(outline, half_code), FARTHEST_RIM * half_plate)
+            x0, y0, x1, y1 = _window(corners, half_code, outline, 3 + 2 * radius, image.shape)
+            if x1 - x0 < 8 or y1 - y0 < 6 or x1 - x0 > LARGEST_PX or y1 - y0 > LARGEST_PX:
+                return values, info, corners, variance, size, 0.0
             patch = image[y0:y1, x0:x1].astype(np.float64)
+            shifts = state[8:13]
             B, residual = _expand(patch, corners, half_code, outline, rectangles, levels, shifts, lut, x0, y0, radius)
             prior = ridge.copy()
             if radius > 0:
                 prior[13:18] = 1e12
-            coefficients, info, rss, count = _solve(B, residual, prior)
+            values, info, rss, count = _solve(B, residual, prior)
             variance = max(rss, 0.0) / max(count - N_FEATURES, 1)
-            values = coefficients
-            step = 0.0
-            for k in (0, 1, 2, 3, 4, 5, 6, 7, 18):
-                step = max(step, abs(coefficients[k]))
-            # an undersampled edge makes steps overshoot: relax when they turn back
-            if (previous * coefficients[:8]).sum() < -0.25 * (previous * previous).sum():
-                relax = max(0.4, relax * 0.7)
-            previous = coefficients[:8].copy()
-            scale = min(relax, (1.5 + radius) / max(step, 1e-9))
-            for k in range(5):
-                shifts[k] += coefficients[8 + k]
-            values[8:13] = shifts
-            scale_px_m = px_per_m(corners, half_code)
-            rim += scale * coefficients[18] / scale_px_m
-            rim = min(max(rim, -FARTHEST_RIM * (half_plate - half_code)), FARTHEST_RIM * half_plate)
-            values[18] = rim * scale_px_m
-            for k in range(4):
-                corners[k, 0] += scale * coefficients[2 * k]
-                corners[k, 1] += scale * coefficients[2 * k + 1]
-            if np.abs(corners - start).max() > max_px:
-                return values, info, corners, variance, step, 0.0
-            if step < 0.003:
+            step = np.empty(N_STATE)
+            step[:13] = values[:13]
+            step[RIM] = values[18]
+            size = max(np.abs(step[:8]).max(), abs(step[RIM]))
+            move = _accelerated(state, step, before, changes, n)
+            move *= min(1.0, (1.5 + radius) / max(np.abs(move[:8]).max(), abs(move[RIM]), 1e-9))
+            state += move
+            if np.abs(state[:8] - start.ravel()).max() > max_px:
+                return values, info, corners, variance, size, 0.0
+            if size < SMALLEST_STEP_PX:
                 break
-    ok = 1.0 if step < 0.05 else 0.0
-    for k in range(4):
-        values[2 * k] = corners[k, 0]
-        values[2 * k + 1] = corners[k, 1]
-    return values, info, corners, variance, step, ok
+    values[:13] = state[:13]
+    values[18] = state[RIM]
+    return values, info, state[:8].copy().reshape(4, 2), variance, size, 1.0 if size < 0.05 else 0.0

@@ -8,7 +8,7 @@ import pytest
 from effects import pipeline
 from effects.base import Scene, View
 from gap.case import code_corners_world, encoding_table, mean_of_clipped
-from gap.observe import COARSE_TO_FINE, FINE, Codes, measure_plates, settled
+from gap.observe import COARSE_TO_FINE, FINE, Codes, measure_plates, noise_amplification
 from gap.raster import coverage
 from gap.synthesis import Prints, coverages, shade
 from rig.geometry import camera_matrix, project, station_pose
@@ -147,21 +147,21 @@ def test_parts_of_light_fill_what_they_stand_for():
         )
 
 
-def test_a_plate_blurred_beyond_its_modules_says_nothing():
-    """A fit to the sharp code stops anywhere near a plate that is all smear: its corners would be guesses."""
+def test_a_plate_blurred_beyond_its_modules_counts_for_less():
+    """Noise throws a fit to a code that is all smear about: taken at its word, such a plate would sink a good twin."""
     scene, view = scene_and_view()
     table = encoding_table("srgb", 1.0)
     codes = Codes.of(scene.plates, [0.8, 0.05, 0.35], table)
     truth = project(view.K, view.T_cam_world, np.array([code_corners_world(p) for p in scene.plates]))
 
-    def measured(*chosen):
+    def amplified(*chosen):
         moves = pipeline.spread_moves(view, chosen)
         linear = shade(scene, view, *coverages(Prints(scene.plates), view, moves=moves))
         m = view.margin
         grey = np.interp(linear, np.linspace(0, 1, len(table)), table)[m:-m, m:-m].astype(np.float32)
-        found = measure_plates(grey, truth + 0.3, np.ones(2, bool), codes, FINE)
-        return settled(grey, found[0], found[2], codes)
+        features, information, measured, _ = measure_plates(grey, truth + 0.3, np.ones(2, bool), codes, FINE)
+        return noise_amplification(grey, features, information, measured, codes)
 
     side = np.linalg.norm(truth[0, 1] - truth[0, 0])
-    assert measured().all()
-    assert not measured(("motion_blur", {"dx_px": 0.3 * side, "dy_px": 0.3 * side})).any()
+    assert (amplified() == 1).all()
+    assert (amplified(("motion_blur", {"dx_px": 0.2 * side, "dy_px": 0.2 * side})) > 2).all()
