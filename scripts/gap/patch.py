@@ -24,7 +24,7 @@ RIM = 13
 DEPTH = 4  # iterations whose changes lead the next
 PX_PER_LEVEL = 0.02  # how much a grey level counts beside a pixel there
 COARSE_ITERATIONS, FINE_ITERATIONS = 5, 30
-SMALLEST_STEP_PX = 0.0005
+SMALLEST_STEP_PX = 0.001
 LARGEST_PX = 600
 UNITS = ("px",) * 8 + ("dn",) * 5 + ("px2",) * 3 + ("1", "px", "px")
 
