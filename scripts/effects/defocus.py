@@ -1,19 +1,21 @@
-"""Defocus: what is nearer or farther than the plane in focus is spread over a disc.
+"""Defocus: what is nearer or farther than the plane in focus is spread over a disc, its edge sharp or soft.
 
 Standard deviation (per axis) sigma = blur_px_per_dioptre |1 / z - 1 / focus_m|, z the depth of the ground plane at the
-pixel along the optical axis, a disc of radius 2 sigma. Source: thin-lens circle of confusion, e.g. Hecht, "Optics".
+pixel along the optical axis: a disc of radius 2 sigma, the thin lens's circle of confusion (e.g. Hecht, "Optics"), down to
+a Gaussian, as which aberrations and diffraction leave it (e.g. Pentland, "A new sense for depth of field", 1987).
 """
 
 import numpy as np
 
 from effects.base import Parameter, inverse_depth
-from effects.filters import LEVELS_PX, disc, pixel_grid, point_in_disc, varying_blur
+from effects.filters import LEVELS_PX, pixel_grid, soft_disc, soft_point, varying_blur
 
 STAGE, ORDER = "lens", 120
 NEAREST_M = 0.05
 PARAMETERS = {
     "blur_px_per_dioptre": Parameter("px m", 0.0, 10.0, 0.0, (0.6, 1.5), 0.15, "spread per dioptre out of focus"),
     "focus_m": Parameter("m", 0.1, 20.0, 1.0, (0.5, 1.5), 0.05, "depth that is in focus"),
+    "softness": Parameter("1", 0.0, 1.0, 0.0, (0.5,), 0.2, "Gaussian share of the disc's variance"),
 }
 
 
@@ -25,11 +27,11 @@ def spread_px(x, y, view, p):
 
 def spread(xy, view, p, k, n):
     """Return the moves (m, 2) of part k of n of the light that lands at pixels xy (m, 2)."""
-    return spread_px(*xy.T, view, p)[:, None] * point_in_disc(k, n)
+    return spread_px(*xy.T, view, p)[:, None] * soft_point(k, n, p["softness"])
 
 
 def apply(image, view, p, rng):
-    """Blur each pixel by its own disc."""
+    """Blur each pixel by its own spread."""
     if p["blur_px_per_dioptre"] == 0:
         return image
-    return varying_blur(image, spread_px(*pixel_grid(view, image.shape[:2]), view, p), disc)
+    return varying_blur(image, spread_px(*pixel_grid(view, image.shape[:2]), view, p), soft_disc(p["softness"]))

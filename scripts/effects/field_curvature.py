@@ -1,19 +1,20 @@
 """Field curvature: the sharp surface is curved, so that the spread grows with the image radius.
 
-sigma = sigma_corner_px (r / r_corner)^2 per axis, a disc of radius 2 sigma, as what is out of focus. Source: Petzval
-curvature, third-order (Seidel) aberrations.
+sigma = sigma_corner_px (r / r_corner)^2 per axis, a disc of radius 2 sigma as what is out of focus, or softer, down to a
+Gaussian. Source: Petzval curvature, third-order (Seidel) aberrations.
 """
 
 import numpy as np
 
 from effects.base import Parameter
-from effects.filters import LEVELS_PX, disc, pixel_grid, point_in_disc, squared_radius, varying_blur
+from effects.filters import LEVELS_PX, pixel_grid, soft_disc, soft_point, squared_radius, varying_blur
 
 STAGE, ORDER = "lens", 130
 PARAMETERS = {
     "sigma_corner_px": Parameter(
         "px", 0.0, 8.0, 0.0, (1.0, 3.0), 0.3, "standard deviation of the spread in the corners"
-    )
+    ),
+    "softness": Parameter("1", 0.0, 1.0, 0.0, (0.5,), 0.2, "Gaussian share of the disc's variance"),
 }
 
 
@@ -24,9 +25,9 @@ def spread_px(x, y, view, p):
 
 def spread(xy, view, p, k, n):
     """Return the moves (m, 2) of part k of n of the light that lands at pixels xy (m, 2)."""
-    return spread_px(*xy.T, view, p)[:, None] * point_in_disc(k, n)
+    return spread_px(*xy.T, view, p)[:, None] * soft_point(k, n, p["softness"])
 
 
 def apply(image, view, p, rng):
-    """Blur each pixel by its own disc."""
-    return varying_blur(image, spread_px(*pixel_grid(view, image.shape[:2]), view, p), disc)
+    """Blur each pixel by its own spread."""
+    return varying_blur(image, spread_px(*pixel_grid(view, image.shape[:2]), view, p), soft_disc(p["softness"]))

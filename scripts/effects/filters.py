@@ -15,6 +15,7 @@ LEVELS_PX = (0.0, 0.25, 0.35, *(0.5 * 2 ** (k / 4) for k in range(16)), 8.0)
 COARSE_BELOW_PX = 0.5
 PIECES_PER_DISC = 64
 TILE_PX = 128
+SOFT_STRIDE = 61  # order in which a soft edge is visited, other than the disc's
 
 
 @functools.lru_cache(maxsize=64)
@@ -124,6 +125,35 @@ def point_in_disc(k, n):
     radius = 2 * math.sqrt((ring**2 + (ring + 1) ** 2) / 2) / rings
     angle = 2 * math.pi * (k - 4 * ring**2 + 0.25 + 0.5 * (ring % 2)) / (4 * (2 * ring + 1))
     return radius * np.array([math.cos(angle), math.sin(angle)])
+
+
+@functools.cache
+def gaussian_points(n):
+    """Return n points (n, 2) spread as a Gaussian, mean 0 and standard deviation 1 per axis, that visit it all over."""
+    k = np.arange(n)
+    radius, angle = np.sqrt(-2 * np.log(1 - (k + 0.5) / n)), k * np.pi * (3 - np.sqrt(5))
+    points = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    points -= points.mean(0)
+    return points @ np.linalg.inv(np.linalg.cholesky(points.T @ points / n)).T
+
+
+def soft_point(k, n, softness):
+    """Return part k (2,) of n of the light of a disc whose edge is soft, standard deviation 1 per axis.
+
+    ``softness`` is the share of the variance that is Gaussian, 0 to 1.
+    """
+    share = np.sqrt(softness)
+    return np.sqrt(1 - softness) * point_in_disc(k, n) + share * gaussian_points(n)[k * SOFT_STRIDE % n]
+
+
+def soft_disc(softness):
+    """Return the blur (image, sigma_px) by a disc whose edge is soft, as ``soft_point`` says."""
+
+    def blur(image, sigma_px):
+        sharp = disc(image, sigma_px * float(np.sqrt(1 - softness)))
+        return gaussian(sharp, sigma_px * float(np.sqrt(softness)))
+
+    return blur
 
 
 @functools.lru_cache(maxsize=64)

@@ -35,7 +35,7 @@ def moments(image):
     ("name", "values"),
     [
         ("lens_blur", {"sigma_px": 1.3}),
-        ("defocus", {"blur_px_per_dioptre": 2.0, "focus_m": 1.5}),
+        ("defocus", {"blur_px_per_dioptre": 2.0, "focus_m": 1.5, "softness": 0.4}),
         ("field_curvature", {"sigma_corner_px": 6.0}),
         ("motion_blur", {"dx_px": 5.0, "dy_px": -2.0}),
         ("veiling_glare", {"share": 0.2}),
@@ -51,7 +51,7 @@ def test_even_light_stays(name, values):
 
 
 @pytest.mark.parametrize("sigma", [0.1, 0.3, 0.49, 0.51, 0.8, 1.7, 3.3])
-@pytest.mark.parametrize("blur", [filters.gaussian, filters.disc])
+@pytest.mark.parametrize("blur", [filters.gaussian, filters.disc, filters.soft_disc(0.5)])
 def test_blurs_spread_what_they_say(blur, sigma):
     """Sampled kernels of a fraction of a pixel spread too little or too much, and jump; a fit would stick there."""
     total, vx, vy = moments(blur(spot(view()), sigma))

@@ -109,8 +109,8 @@ def test_expected_levels_are_the_mean_of_clipped_ones(level):
 
 SPREADS = [
     ("motion_blur", {"dx_px": 3.0, "dy_px": -1.0}),
-    ("defocus", {"blur_px_per_dioptre": 1.5, "focus_m": 0.4}),
-    ("field_curvature", {"sigma_corner_px": 6.0}),
+    ("defocus", {"blur_px_per_dioptre": 1.5, "focus_m": 0.4, "softness": 0.0}),
+    ("field_curvature", {"sigma_corner_px": 6.0, "softness": 1.0}),
 ]
 
 
@@ -125,7 +125,7 @@ def test_light_is_spread_as_the_image_is_blurred(effect):
     inside = np.s_[m:-m, m:-m]
     assert np.abs(sharp - blurred)[inside].max() > 0.1
     assert np.abs(drawn - blurred)[inside].max() < 0.08
-    assert np.sqrt(((drawn - blurred)[inside] ** 2).mean()) < 0.25 * np.sqrt(((sharp - blurred)[inside] ** 2).mean())
+    assert np.sqrt(((drawn - blurred)[inside] ** 2).mean()) < 0.45 * np.sqrt(((sharp - blurred)[inside] ** 2).mean())
 
 
 def test_parts_of_light_fill_what_they_stand_for():
