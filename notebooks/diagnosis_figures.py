@@ -70,7 +70,7 @@ def example_figure(results, camera):
                 difference, cmap="RdBu_r", vmin=-BRIGHTEST_DIFFERENCE_DN, vmax=BRIGHTEST_DIFFERENCE_DN
             )
             rms = float(np.sqrt((difference**2).mean()))
-            axes[1, column].set_title(f"minus real: {rms:.1f} grey levels (RMS)", fontsize=9.5)
+            axes[1, column].set_title(f"minus real:\n{rms:.1f} grey levels (RMS)", fontsize=9.5)
     for axis in axes.ravel():
         axis.axis("off")
     axes[1, 0].text(
@@ -142,7 +142,7 @@ def vectors_figure(plates, camera):
             mine.column_px, mine.row_px, mine.dx_px, mine.dy_px, angles="xy", scale_units="xy", scale=longest / 60,
             width=0.004, color=figures.BLUE,
         )  # fmt: skip
-        axis.set_title(f"{title}: arrow of 60 px = {longest:.2g} px", fontsize=8.5)
+        axis.set_title(f"{title}:\narrow of 60 px = {longest:.2g} px", fontsize=8.5)
         axis.set_aspect("equal")
     if len(axes):
         axes[0].invert_yaxis()
@@ -160,7 +160,7 @@ def candidates_figure(diagnosis):
     axis.axvline(1, color=figures.GREY, ls="--")
     if diagnosis.get("gap_as_configured"):
         axis.axvline(diagnosis["gap_as_configured"], color=figures.ORANGE)
-    axis.set_xlabel("gap with it alone, floors (orange: without)")
+    axis.set_xlabel("gap with it alone, floors (orange: without)", fontsize=8.5)
     fig.suptitle(f"{diagnosis['camera']}: which effect alone helps most?", fontsize=11)
     return fig
 

@@ -74,13 +74,13 @@ def step_records(steps, base, floors):
     return records
 
 
-def ranked(candidates, base, floors):
-    """Return the candidates as the result file has them."""
+def ranked(candidates, floors):
+    """Return the candidates as the result file has them, gaps in units of ``floors``."""
     return [
         {
             "effect": c.effect,
-            "gap_after": c.gap,
-            "se": c.gap_se,
+            "gap_after": c.gap_in(floors),
+            "se": c.gap_se * c.gap_in(floors) / c.gap if c.gap else c.gap_se,
             "rank": k + 1,
             "gain": c.gain,
             "gain_se": c.gain_se,
@@ -123,8 +123,8 @@ def diagnose_camera(
         "groups": group_gaps(diagnosis.base_groups, floors),
         "configured": [{"effect": n, "parameters": p} for n, p in start_effects],
         "steps": step_records(steps, start_groups, floors),
-        "candidates": ranked(candidates, diagnosis, floors),
-        "candidates_left": ranked(left, diagnosis, floors)[:5],
+        "candidates": ranked(candidates, floors),
+        "candidates_left": ranked(left, floors)[:5],
         "not_looked_at": skipped,
         "where": explained_shares(at_fault["plates"], train)[:MOST_PLACES],
         "floor": floors,

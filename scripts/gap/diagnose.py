@@ -57,7 +57,10 @@ ENOUGH = 1.10  # a gap up to this, in units of the floor, is the floor
 
 @dataclass
 class Candidate:
-    """The outcome of one candidate: fitted parameters with standard errors, held-out losses per capture."""
+    """The outcome of one candidate: fitted parameters with standard errors, held-out losses per capture.
+
+    ``gap`` and ``groups`` are in units of ``floors``, the base's.
+    """
 
     effect: str
     parameters: dict
@@ -66,6 +69,7 @@ class Candidate:
     gap: float
     gap_se: float
     groups: dict
+    floors: dict
     converged: bool
     gain: float = 0.0
     gain_se: float = 0.0
@@ -73,6 +77,11 @@ class Candidate:
     matters: bool = False
     group_gains: dict = field(default_factory=dict)
     state: State = field(default=None, repr=False)
+
+    def gap_in(self, floors):
+        """Return the gap in units of other floors than those of the base it was tried on."""
+        gaps = [gap * self.floors.get(g, 1.0) / floors.get(g, 1.0) for g, gap in self.groups.items()]
+        return float(np.sqrt(np.mean(np.square(gaps))))
 
     def as_record(self):
         """Return plain data of the outcome, poses included; ``from_record`` takes it back."""
@@ -98,7 +107,7 @@ class Candidate:
 
 
 RECORDED = (
-    "effect", "parameters", "errors", "losses", "gap", "gap_se", "groups", "converged", "gain", "gain_se",
+    "effect", "parameters", "errors", "losses", "gap", "gap_se", "groups", "floors", "converged", "gain", "gain_se",
     "stations_gaining", "matters", "group_gains",
 )  # fmt: skip
 
@@ -385,7 +394,7 @@ class Diagnosis:
         parameters = null_of(effect)
         return Candidate(
             effect, parameters, dict.fromkeys(parameters, float("nan")), self.base_losses, self.base_gap,
-            self.base_gap_se, group_gaps(self.base_groups, self.floors), True,
+            self.base_gap_se, group_gaps(self.base_groups, self.floors), self.floors, True,
         )  # fmt: skip
 
     def try_effect(self, effect):
@@ -415,7 +424,7 @@ class Diagnosis:
         gains = gains_by_station(self.case, self.base_losses, losses)
         candidate = Candidate(
             effect, values, errors, losses, overall_gap(groups, self.floors), gap_error(groups, self.floors),
-            group_gaps(groups, self.floors), fit.converged,
+            group_gaps(groups, self.floors), self.floors, fit.converged,
         )  # fmt: skip
         candidate.gain = float(gains.sum())
         candidate.stations_gaining = float((gains > -LEAST_LOSS - 0.02 * gains.sum()).mean()) if len(gains) else 0.0

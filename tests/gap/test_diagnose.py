@@ -5,7 +5,7 @@ import pytest
 from cases import generated_case
 
 from effects import pipeline
-from gap.diagnose import Diagnosis, climb, is_there, split_by_station, verdict_of
+from gap.diagnose import Candidate, Diagnosis, climb, is_there, overall_gap, split_by_station, verdict_of
 from gap.fit import Fitter, flatten
 
 CANDIDATES = ["radial_distortion", "focal_length", "lens_blur", "exposure", "marker_scale", "principal_point"]
@@ -91,6 +91,18 @@ def test_strong_fringes_are_fitted_from_afar(tmp_path):
     library = truth["effects"][0]["library_parameters"]
     for name in ("red", "blue"):
         assert found[f"{name}_ratio"] == pytest.approx(library[name], abs=2.5e-4)
+
+
+def test_candidates_are_told_in_the_floors_of_the_verdict(nothing_hidden):
+    """Bars in the first base's floors beside a line in the last one's would show that doing nothing helps."""
+    diagnosis = Diagnosis(nothing_hidden)
+    diagnosis.set_base([])
+    floors = {name: floor / 2 for name, floor in diagnosis.floors.items()}
+    candidate = diagnosis.null_candidate("exposure")
+    assert candidate.gap == pytest.approx(diagnosis.base_gap)
+    assert candidate.gap_in(floors) == pytest.approx(overall_gap(diagnosis.base_groups, floors))
+    again = Candidate.from_record(candidate.as_record())
+    assert again.gap_in(floors) == pytest.approx(candidate.gap_in(floors))
 
 
 def test_a_jpeg_quality_is_found_across_its_leaps(tmp_path):
