@@ -224,7 +224,7 @@ def noise_amplification(grey, features, information, measured, codes):
     where a plate is then lost.
 
     Where blur is wider than a module, a fit to the sharp code hardly knows where to go: the plates are measured again with
-    noise of one grey level added. What chance makes of twice sixteen corner coordinates is no amplification.
+    noise of one grey level added. What chance makes of twice eight corner coordinates is no amplification.
     """
     corners = features[:, :8].reshape(-1, 4, 2)
     rims = np.zeros(len(features))
