@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from effects import pipeline
 from gap.fit import (
+    GROUPS,
     NU,
     RHO_NOISE,
     Fitter,
@@ -496,6 +497,12 @@ def rank(candidates):
     return sorted(candidates, key=lambda c: (-(c.gain - 2 * len(c.parameters)), c.effect))
 
 
+def is_at_floor(diagnosis):
+    """Return whether every group of observables, poses too, is at its floor: what helps further has nothing to explain."""
+    floors = {name: ENOUGH * diagnosis.floors.get(name, 1.0) for name in GROUPS}
+    return not any(excess_of(diagnosis.base_groups, floors).values())
+
+
 def is_missing(candidate, excess):
     """Return whether a candidate's held-out gain is more than chance, on most stations, matters, and closes enough.
 
@@ -555,7 +562,9 @@ def confused_with(best, candidates, case):
 
 
 def climb(diagnosis, first, most_steps=6, progress=None, start_with=None, taken=()):
-    """Add the best candidate, refit, try all others again, until none is missing; return (steps, last candidates).
+    """Add the best candidate, refit, try all others again, until none is missing or all is at its floor.
+
+    Return (steps, last candidates).
 
     ``start_with`` names the effect of the first step, the best where None; ``taken`` are steps that led to the base.
 
@@ -595,6 +604,8 @@ def climb(diagnosis, first, most_steps=6, progress=None, start_with=None, taken=
         )
         if progress:
             progress(best.effect)
+        if is_at_floor(diagnosis):
+            return steps, rank([diagnosis.null_candidate(c.effect) for c in first])
         promises = diagnosis.promises([c.effect for c in first])
         candidates = rank([diagnosis.try_promised(e, promises, TRIED_AGAIN) for e in promises])
     return steps, candidates
