@@ -76,11 +76,12 @@ def step_records(steps, base, floors):
 
 def ranked(candidates, floors):
     """Return the candidates as the result file has them, gaps in units of ``floors``."""
+    gaps = {c.effect: c.gap_in(floors) for c in candidates}
     return [
         {
             "effect": c.effect,
-            "gap_after": c.gap_in(floors),
-            "se": c.gap_se * c.gap_in(floors) / c.gap if c.gap else c.gap_se,
+            "gap_after": gaps[c.effect],
+            "se": c.gap_se * gaps[c.effect] / c.gap if c.gap else c.gap_se,
             "rank": k + 1,
             "gain": c.gain,
             "gain_se": c.gain_se,

@@ -146,6 +146,11 @@ def spreads_light(name):
     return hasattr(effect_named(name), "spread")
 
 
+def places_light(name):
+    """Return whether an effect has a say in where a point's light lands."""
+    return moves_points(name) or spreads_light(name)
+
+
 def spread_moves(view, chosen):
     """Return functions that move image points (n, 2) to where one part in so many of their light lands; [] for none."""
     found = active(chosen, "spread")

@@ -154,8 +154,7 @@ class Case:
                     return pipeline.map_points(xy, view, effects, channel)
 
             if is_lit(scene):
-                drawn = [e for e in effects if pipeline.moves_points(e[0]) or pipeline.spreads_light(e[0])]
-                maps = pipeline.key_of(drawn)
+                maps = pipeline.key_of([(n, p) for n, p in effects if pipeline.places_light(n)])
                 key = view.T_cam_world.tobytes(), prints, maps
                 geometry = self._geometry_of(key, view, mapping, channel, moves)
             else:

@@ -332,7 +332,7 @@ class Diagnosis:
     def start_promises(self, effect, starts):
         """Return for each of an effect's starts what going some of the way there gains, and the loss of the start itself.
 
-        The first sees a highlight from afar, the second a compression that changes by leaps.
+        The first sees a highlight from afar, the second what a start comes near to though the way there is crooked.
         """
         nulls = self.effects + [(effect, null_of(effect))]
         indices, groups, nu = self._probed(nulls)
@@ -376,7 +376,7 @@ class Diagnosis:
         """Return (indices of the probes, their residual groups, robust scale) of a list of effects."""
         indices = probes(self.train)
         predictions, _ = self.fitter.start(effects, self.poses, indices)
-        groups = self.fitter.residuals_of(effects, self.poses, predictions, indices)
+        groups = self.fitter.residuals_of(self.poses, predictions, indices)
         return indices, groups, NU * width_of(groups) ** 2
 
     def promises(self, names=None):

@@ -310,7 +310,7 @@ class Fitter:
 
     # -- everything -----------------------------------------------------------------------------------------------
 
-    def residual_vector(self, i, effects, delta, prediction):
+    def residual_vector(self, i, delta, prediction):
         """Return ({group: whitened residuals}) of capture i, the pose's lean included."""
         groups = self.whiteners[i].residuals(self.case.captures[i].observation, prediction)
         groups["pose"] = delta * np.sqrt(self.prior)
@@ -318,7 +318,7 @@ class Fitter:
 
     def residuals_at(self, i, effects, delta):
         """Return the residual groups of capture i for a list of effects."""
-        return self.residual_vector(i, effects, delta, self.predict(i, effects, delta))
+        return self.residual_vector(i, delta, self.predict(i, effects, delta))
 
     def start(self, effects, poses, indices):
         """Return (predictions, offsets): offsets are measured minus exact corners of the twin itself."""
@@ -329,9 +329,9 @@ class Fitter:
             offsets[i] = np.nan_to_num(predictions[i].features[:, :8] - exact)
         return predictions, offsets
 
-    def residuals_of(self, effects, poses, predictions, indices):
+    def residuals_of(self, poses, predictions, indices):
         """Return {i: residual groups} of captures."""
-        return {i: self.residual_vector(i, effects, poses[i], predictions[i]) for i in indices}
+        return {i: self.residual_vector(i, poses[i], predictions[i]) for i in indices}
 
     def fit(self, effects, free, poses, train, iterations=6, scale=1.0, with_geometry=True):
         """Fit the free parameters [(effect, parameter), ...] and the poses of the training captures.
@@ -344,7 +344,7 @@ class Fitter:
         if geometric and with_geometry:
             effects, poses = self.fit_geometry(effects, geometric, poses, offsets, train, scale=scale)
         predictions, offsets = self.start(effects, poses, train)
-        groups = self.residuals_of(effects, poses, predictions, train)
+        groups = self.residuals_of(poses, predictions, train)
         width = width_of(groups) if free else 1.0
         covariance = np.zeros((len(free), len(free)))
         converged = not free
@@ -367,7 +367,7 @@ class Fitter:
                     trial_poses[i] = poses[i] + np.linalg.solve(A, b - C @ d)
                 trial = with_parameters(effects, free, theta + d)
                 trial_predictions, trial_offsets = self.start(trial, trial_poses, train)
-                trial_groups = self.residuals_of(trial, trial_poses, trial_predictions, train)
+                trial_groups = self.residuals_of(trial_poses, trial_predictions, train)
                 trial_loss = total(trial_groups, nu) + prior_loss(free, theta + d)
                 if trial_loss <= loss + 1e-9:
                     accepted = True
@@ -502,7 +502,7 @@ class Fitter:
             shift = (shift - self.case.corners_of(self.case.captures[i], effects, poses[i])).reshape(-1, 8)
             features = predictions[i].features.copy()
             features[:, :8] += np.nan_to_num(shift)
-            out[i] = self.residual_vector(i, effects, better[i], replace(predictions[i], features=features))
+            out[i] = self.residual_vector(i, better[i], replace(predictions[i], features=features))
         return better, out
 
 
@@ -619,8 +619,7 @@ def is_geometric(parameter):
 
 def is_drawn(name):
     """Return whether an effect takes part in drawing the radiance: the scene, where points land, how they spread."""
-    drawn = pipeline.moves_points(name) or pipeline.spreads_light(name)
-    return drawn or pipeline.effect_named(name).STAGE == "scene"
+    return pipeline.places_light(name) or pipeline.effect_named(name).STAGE == "scene"
 
 
 def geometric_key(effects):

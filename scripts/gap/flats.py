@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from gap.patch import _draw, _sum_rows, homography
+from gap.patch import _draw, _sum_rows, code_homography, plate_window
 
 CLASSES = ("ground", "white", "black", "sky")
 GROUND, WHITE, BLACK, SKY = 1, 2, 3, 4
@@ -40,17 +40,8 @@ def flat_classes(shape, corners, measured, half_code, half_plate, rectangles, fi
         if not measured[i]:
             continue
         s, t = half_code[i], half_plate[i]
-        H = homography(np.array([[-s, s], [s, s], [s, -s], [-s, -s]]), corners[i])
-        xs = np.empty(4)
-        ys = np.empty(4)
-        for k in range(4):
-            x = -t if k == 0 or k == 3 else t
-            y = t if k < 2 else -t
-            q = H[2, 0] * x + H[2, 1] * y + H[2, 2]
-            xs[k] = (H[0, 0] * x + H[0, 1] * y + H[0, 2]) / q
-            ys[k] = (H[1, 0] * x + H[1, 1] * y + H[1, 2]) / q
-        x0, y0 = int(np.floor(xs.min())) - pad, int(np.floor(ys.min())) - pad
-        x1, y1 = int(np.ceil(xs.max())) + pad + 1, int(np.ceil(ys.max())) + pad + 1
+        H = code_homography(corners[i], s)
+        x0, y0, x1, y1 = plate_window(H, t, pad)
         if x1 - x0 > 900 or y1 - y0 > 900:
             continue
         ph, pw = y1 - y0, x1 - x0

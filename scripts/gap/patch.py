@@ -46,6 +46,13 @@ def homography(source, target):
 
 
 @njit(cache=True)
+def code_homography(corners, half_code):
+    """Return the 3 x 3 homography that takes the plate's plane, metres, to pixels; corners (4, 2) are the code's."""
+    c = half_code
+    return homography(np.array([[-c, c], [c, c], [c, -c], [-c, -c]]), corners)
+
+
+@njit(cache=True)
 def _draw(acc, H, rectangles, dx, dy):
     for i in range(rectangles.shape[0]):
         x0, y0, x1, y1 = rectangles[i]
@@ -134,8 +141,7 @@ def _expand(image, corners, half_code, half_plate, rectangles, levels, shifts, l
     """
     h, w = image.shape
     c = half_code
-    source = np.array([[-c, c], [c, c], [c, -c], [-c, -c]])
-    H = homography(source, corners)
+    H = code_homography(corners, c)
     acc = np.zeros((h, w + 2))
     outline = np.array([[-half_plate, -half_plate, half_plate, half_plate]])
     _draw(acc, H, outline, x0, y0)
@@ -219,10 +225,8 @@ def _solve(B, residual, ridge):
 
 
 @njit(cache=True)
-def _window(corners, half_code, half_plate, pad, shape):
-    """Return (x0, y0, x1, y1) of the pixels of an image of that shape that a plate covers, ``pad`` px around it."""
-    c = half_code
-    H = homography(np.array([[-c, c], [c, c], [c, -c], [-c, -c]]), corners)
+def plate_window(H, half_plate, pad):
+    """Return (x0, y0, x1, y1) of the pixels that a plate covers, ``pad`` px around it; H takes the plate to pixels."""
     xs = np.empty(4)
     ys = np.empty(4)
     for k in range(4):
@@ -233,7 +237,7 @@ def _window(corners, half_code, half_plate, pad, shape):
         ys[k] = (H[1, 0] * x + H[1, 1] * y + H[1, 2]) / q
     x0, y0 = int(np.floor(xs.min())) - pad, int(np.floor(ys.min())) - pad
     x1, y1 = int(np.ceil(xs.max())) + pad + 1, int(np.ceil(ys.max())) + pad + 1
-    return max(x0, 0), max(y0, 0), min(x1, shape[1]), min(y1, shape[0])
+    return x0, y0, x1, y1
 
 
 @njit(cache=True)
@@ -263,9 +267,7 @@ def _accelerated(state, step, before, changes, n):
 
 
 @njit(cache=True)
-def measure_plate(
-    image, start, rim, half_code, half_plate, rectangles, levels, lut, ridge, radii, max_px, most=FINE_ITERATIONS
-):
+def measure_plate(image, start, rim, half_code, half_plate, rectangles, levels, lut, ridge, radii, max_px):
     """Fit one plate.
 
     image        (H, W) float32 grey levels; start (4, 2) predicted corners of the code, pixels; rim how far the plate
@@ -273,8 +275,7 @@ def measure_plate(
     half_code, half_plate  metres; rectangles (n, 4) black area, metres
     levels       linear values of white, black, ground; lut grey level of linear values 0..1
     ridge        (19,) prior precision of each coefficient in units of one grey level's noise
-    radii        box radii of the coarse-to-fine passes, ending in 0; max_px how far corners may go from ``start``;
-                 most: iterations of the last pass
+    radii        box radii of the coarse-to-fine passes, ending in 0; max_px how far corners may go from ``start``
 
     Return (features (19,), information matrix (19, 19) per unit noise variance, corners (4, 2), noise variance of
     the fit, steps' last size in pixels, 1.0 if converged else 0.0); the first eight features are the corners.
@@ -291,11 +292,12 @@ def measure_plate(
         radius = radii[p]
         changes = np.zeros((2, DEPTH, N_STATE))  # of the state and of its step, from one iteration to the next
         before = np.zeros((2, N_STATE))
-        for n in range(COARSE_ITERATIONS if radius > 0 else most):
+        for n in range(COARSE_ITERATIONS if radius > 0 else FINE_ITERATIONS):
             corners = state[:8].copy().reshape(4, 2)
             outline = half_plate + state[RIM] / px_per_m(corners, half_code)
             outline = min(max(outline, half_code), FARTHEST_RIM * half_plate)
-            x0, y0, x1, y1 = _window(corners, half_code, outline, 3 + 2 * radius, image.shape)
+            x0, y0, x1, y1 = plate_window(code_homography(corners, half_code), outline, 3 + 2 * radius)
+            x0, y0, x1, y1 = max(x0, 0), max(y0, 0), min(x1, image.shape[1]), min(y1, image.shape[0])
             if x1 - x0 < 8 or y1 - y0 < 6 or x1 - x0 > LARGEST_PX or y1 - y0 > LARGEST_PX:
                 return values, info, corners, variance, size, 0.0
             patch = image[y0:y1, x0:x1].astype(np.float64)

@@ -28,6 +28,13 @@ def scene_and_view():
     return scene, View(K, 640, 480, 12, station_pose(0.5, 35), "c", "a", "s")
 
 
+def grey_image(scene, view, table, moves=()):
+    """Return the frame's grey levels (H, W) of a scene."""
+    m = view.margin
+    linear = shade(scene, view, *coverages(Prints(scene.plates), view, moves=moves))
+    return np.interp(linear, np.linspace(0, 1, len(table)), table)[m:-m, m:-m]
+
+
 def test_coverage_equals_dense_sampling():
     """A rasteriser that drops or doubles a pixel's share of an edge would be off by more than sampling is."""
     triangle = np.array([[[0.3, 0.2], [9.7, 3.1], [5.2, 8.9]]])
@@ -54,9 +61,7 @@ def test_the_fit_finds_projected_corners_of_its_own_synthesis_and_of_noise_its_s
     """A fit with a half-pixel bias, swapped corners or wrong information would be off by more than 0.01 px."""
     scene, view = scene_and_view()
     table = encoding_table("srgb", 1.0)
-    linear = shade(scene, view, *coverages(Prints(scene.plates), view))
-    m = view.margin
-    grey = np.interp(linear, np.linspace(0, 1, len(table)), table)[m:-m, m:-m]
+    grey = grey_image(scene, view, table)
     codes = Codes.of(scene.plates, [0.8, 0.05, 0.35], table)
     truth = project(view.K, view.T_cam_world, np.array([code_corners_world(p) for p in scene.plates]))
     noisy = grey + np.random.default_rng(1).normal(0, 1, grey.shape)
@@ -74,9 +79,7 @@ def test_codes_of_another_size_are_measured_where_they_are(scale):
     scene = pipeline.scene_with_effects(nominal, [("marker_scale", {"scale": scale})])
     table = encoding_table("srgb", 1.0)
     codes = Codes.of(nominal.plates, [0.8, 0.05, 0.35], table)
-    m = view.margin
-    linear = shade(scene, view, *coverages(Prints(scene.plates), view))[m:-m, m:-m]
-    grey = np.interp(linear, np.linspace(0, 1, len(table)), table).astype(np.float32)
+    grey = grey_image(scene, view, table)
     truth = project(view.K, view.T_cam_world, np.array([code_corners_world(p) for p in scene.plates]))
     features, _, measured, _ = measure_plates(grey, truth + 0.4, np.ones(2, bool), codes, COARSE_TO_FINE)
     assert measured.all()
@@ -155,10 +158,7 @@ def test_a_plate_blurred_beyond_its_modules_counts_for_less():
     truth = project(view.K, view.T_cam_world, np.array([code_corners_world(p) for p in scene.plates]))
 
     def amplified(*chosen):
-        moves = pipeline.spread_moves(view, chosen)
-        linear = shade(scene, view, *coverages(Prints(scene.plates), view, moves=moves))
-        m = view.margin
-        grey = np.interp(linear, np.linspace(0, 1, len(table)), table)[m:-m, m:-m].astype(np.float32)
+        grey = grey_image(scene, view, table, pipeline.spread_moves(view, chosen))
         features, information, measured, _ = measure_plates(grey, truth + 0.3, np.ones(2, bool), codes, FINE)
         return noise_amplification(grey, features, information, measured, codes)
 
