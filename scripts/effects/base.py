@@ -18,6 +18,7 @@ class Parameter:
     matters  the smallest departure from null that is worth naming
     doc      what it is, in one sentence
     spread   standard deviation of a prior about null, for what data may leave undetermined; None: no prior
+    qualifies  whether it only says how another parameter acts and does nothing by itself
     """
 
     unit: str
@@ -28,6 +29,7 @@ class Parameter:
     matters: float
     doc: str
     spread: float | None = None
+    qualifies: bool = False
 
 
 @dataclass(frozen=True)

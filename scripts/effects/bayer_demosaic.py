@@ -17,7 +17,11 @@ RED = {"rggb": (0, 0), "grbg": (0, 1), "gbrg": (1, 0), "bggr": (1, 1)}  # row, c
 PARAMETERS = {
     name: Parameter("1", 0.0, 1.0, 0.0, (0.25,), 0.1, f"share of the mosaic that begins with {name.upper()}")
     for name in RED
-} | {"corrected": Parameter("1", 0.0, 1.0, 0.0, (0.5,), 0.1, "share of Malvar's correction; nothing without a mosaic")}
+} | {
+    "corrected": Parameter(
+        "1", 0.0, 1.0, 0.0, (0.5,), 0.1, "share of Malvar's correction; nothing without a mosaic", qualifies=True
+    )
+}
 
 
 @njit(cache=True)

@@ -8,14 +8,14 @@ a Gaussian, as which aberrations and diffraction leave it (e.g. Pentland, "A new
 import numpy as np
 
 from effects.base import Parameter, inverse_depth
-from effects.filters import LEVELS_PX, pixel_grid, soft_disc, soft_point, varying_blur
+from effects.filters import LEVELS_PX, pixel_grid, soft_disc, soft_points, varying_blur
 
 STAGE, ORDER = "lens", 120
 NEAREST_M = 0.05
 PARAMETERS = {
     "blur_px_per_dioptre": Parameter("px m", 0.0, 10.0, 0.0, (0.6, 1.5), 0.15, "spread per dioptre out of focus"),
-    "focus_m": Parameter("m", 0.1, 20.0, 1.0, (0.5, 1.5), 0.05, "depth that is in focus"),
-    "softness": Parameter("1", 0.0, 1.0, 0.0, (0.5,), 0.2, "Gaussian share of the disc's variance"),
+    "focus_m": Parameter("m", 0.1, 20.0, 1.0, (0.5, 1.5), 0.05, "depth that is in focus", qualifies=True),
+    "softness": Parameter("1", 0.0, 1.0, 0.0, (0.5,), 0.2, "Gaussian share of the disc's variance", qualifies=True),
 }
 
 
@@ -25,9 +25,9 @@ def spread_px(x, y, view, p):
     return np.minimum(sigma, LEVELS_PX[-1])
 
 
-def spread(xy, view, p, k, n):
-    """Return the moves (m, 2) of part k of n of the light that lands at pixels xy (m, 2)."""
-    return spread_px(*xy.T, view, p)[:, None] * soft_point(k, n, p["softness"])
+def spread(xy, view, p, n):
+    """Return (directions (m, 2, 2) px, shares (n, 2)) of the n parts of the light that lands at pixels xy (m, 2)."""
+    return spread_px(*xy.T, view, p)[:, None, None] * np.eye(2), soft_points(n, p["softness"])
 
 
 def apply(image, view, p, rng):

@@ -15,7 +15,9 @@ PARAMETERS = {
     "strength_dn": Parameter(
         "dn", 0.0, 80.0, 0.0, (2.0, 8.0, 20.0), 0.5, "standard deviation of levels that are averaged"
     ),
-    "reach_px": Parameter("px", 0.4, 3.0, 1.5, (1.5,), 0.1, "standard deviation of the distance over which they are"),
+    "reach_px": Parameter(
+        "px", 0.4, 3.0, 1.5, (1.5,), 0.1, "standard deviation of the distance over which they are", qualifies=True
+    ),
 }
 
 

@@ -7,14 +7,14 @@ Gaussian. Source: Petzval curvature, third-order (Seidel) aberrations.
 import numpy as np
 
 from effects.base import Parameter
-from effects.filters import LEVELS_PX, pixel_grid, soft_disc, soft_point, squared_radius, varying_blur
+from effects.filters import LEVELS_PX, pixel_grid, soft_disc, soft_points, squared_radius, varying_blur
 
 STAGE, ORDER = "lens", 130
 PARAMETERS = {
     "sigma_corner_px": Parameter(
         "px", 0.0, 8.0, 0.0, (1.0, 3.0), 0.3, "standard deviation of the spread in the corners"
     ),
-    "softness": Parameter("1", 0.0, 1.0, 0.0, (0.5,), 0.2, "Gaussian share of the disc's variance"),
+    "softness": Parameter("1", 0.0, 1.0, 0.0, (0.5,), 0.2, "Gaussian share of the disc's variance", qualifies=True),
 }
 
 
@@ -23,9 +23,9 @@ def spread_px(x, y, view, p):
     return np.minimum(p["sigma_corner_px"] * squared_radius(x, y, view), np.float32(LEVELS_PX[-1]))
 
 
-def spread(xy, view, p, k, n):
-    """Return the moves (m, 2) of part k of n of the light that lands at pixels xy (m, 2)."""
-    return spread_px(*xy.T, view, p)[:, None] * soft_point(k, n, p["softness"])
+def spread(xy, view, p, n):
+    """Return (directions (m, 2, 2) px, shares (n, 2)) of the n parts of the light that lands at pixels xy (m, 2)."""
+    return spread_px(*xy.T, view, p)[:, None, None] * np.eye(2), soft_points(n, p["softness"])
 
 
 def apply(image, view, p, rng):

@@ -118,13 +118,14 @@ def spread_points(x, y):
     return kernel / kernel.sum()
 
 
-def point_in_disc(k, n):
-    """Return point k (2,) of n = 4 m^2 that fill a disc evenly, standard deviation 1 per axis: m rings of equal cells."""
-    rings = math.isqrt(n // 4)
-    ring = math.isqrt(k // 4)
-    radius = 2 * math.sqrt((ring**2 + (ring + 1) ** 2) / 2) / rings
-    angle = 2 * math.pi * (k - 4 * ring**2 + 0.25 + 0.5 * (ring % 2)) / (4 * (2 * ring + 1))
-    return radius * np.array([math.cos(angle), math.sin(angle)])
+@functools.cache
+def disc_points(n):
+    """Return n = 4 m^2 points (n, 2) that fill a disc evenly, standard deviation 1 per axis: m rings of equal cells."""
+    k = np.arange(n)
+    ring = np.array([math.isqrt(i // 4) for i in k])
+    radius = 2 * np.sqrt((ring**2 + (ring + 1) ** 2) / 2) / math.isqrt(n // 4)
+    angle = 2 * np.pi * (k - 4 * ring**2 + 0.25 + 0.5 * (ring % 2)) / (4 * (2 * ring + 1))
+    return radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
 @functools.cache
@@ -137,17 +138,17 @@ def gaussian_points(n):
     return points @ np.linalg.inv(np.linalg.cholesky(points.T @ points / n)).T
 
 
-def soft_point(k, n, softness):
-    """Return part k (2,) of n of the light of a disc whose edge is soft, standard deviation 1 per axis.
+def soft_points(n, softness):
+    """Return where n parts (n, 2) of the light of a disc land whose edge is soft, standard deviation 1 per axis.
 
     ``softness`` is the share of the variance that is Gaussian, 0 to 1.
     """
-    share = np.sqrt(softness)
-    return np.sqrt(1 - softness) * point_in_disc(k, n) + share * gaussian_points(n)[k * SOFT_STRIDE % n]
+    gaussian_part = gaussian_points(n)[np.arange(n) * SOFT_STRIDE % n]
+    return np.sqrt(1 - softness) * disc_points(n) + np.sqrt(softness) * gaussian_part
 
 
 def soft_disc(softness):
-    """Return the blur (image, sigma_px) by a disc whose edge is soft, as ``soft_point`` says."""
+    """Return the blur (image, sigma_px) by a disc whose edge is soft, as ``soft_points`` says."""
 
     def blur(image, sigma_px):
         sharp = disc(image, sigma_px * float(np.sqrt(1 - softness)))

@@ -11,9 +11,11 @@ PARAMETERS = {
     "gradient_x": Parameter("1/m", -2.0, 2.0, 0.0, (0.0,), 0.01, "relative change of light per metre to the right"),
     "gradient_y": Parameter("1/m", -0.9, 0.9, 0.0, (0.0,), 0.01, "relative change of light per metre forward"),
     "lamp_share": Parameter("1", 0.0, 1.0, 0.0, (0.0, 0.4, 0.4, 0.4, 0.4), 0.02, "share of the light from a near lamp"),
-    "lamp_x_m": Parameter("m", -4.0, 4.0, 0.0, (0.0, 1.0, -1.0, 1.0, -1.0), 0.05, "lamp, to the right", 3.0),
-    "lamp_y_m": Parameter("m", -4.0, 6.0, 1.0, (1.0, 0.0, 0.0, 2.0, 2.0), 0.05, "lamp, forward", 3.0),
-    "lamp_height_m": Parameter("m", 0.3, 6.0, 1.5, (1.5,), 0.05, "lamp, above the ground", 3.0),
+    "lamp_x_m": Parameter(
+        "m", -4.0, 4.0, 0.0, (0.0, 1.0, -1.0, 1.0, -1.0), 0.05, "lamp, to the right", 3.0, qualifies=True
+    ),
+    "lamp_y_m": Parameter("m", -4.0, 6.0, 1.0, (1.0, 0.0, 0.0, 2.0, 2.0), 0.05, "lamp, forward", 3.0, qualifies=True),
+    "lamp_height_m": Parameter("m", 0.3, 6.0, 1.5, (1.5,), 0.05, "lamp, above the ground", 3.0, qualifies=True),
 }
 
 

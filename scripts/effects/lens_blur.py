@@ -4,11 +4,27 @@ Source: the usual approximation of an optical transfer function, e.g. Burns, "Sl
 scanner analysis" (2000).
 """
 
+import numpy as np
+
 from effects.base import Parameter
-from effects.filters import gaussian
+from effects.filters import gaussian, gaussian_points
 
 STAGE, ORDER = "lens", 110
+FINE_PX = 0.5
 PARAMETERS = {"sigma_px": Parameter("px", 0.0, 8.0, 0.0, (0.7, 2.0), 0.15, "standard deviation of the spread")}
+
+
+def spread(xy, view, p, n):
+    """Return (directions (1, 2, 2) px, shares (n, 2)) of the n parts of a point's light, everywhere alike.
+
+    No more than keeps sampled pixels from showing stripes finer than they are; ``left_to_blur`` is the rest.
+    """
+    return min(p["sigma_px"], FINE_PX) * np.eye(2)[None], gaussian_points(n)
+
+
+def left_to_blur(p):
+    """Return the parameters of what ``spread`` leaves to ``apply``."""
+    return {"sigma_px": float(np.sqrt(max(p["sigma_px"] ** 2 - FINE_PX**2, 0.0)))}
 
 
 def apply(image, view, p, rng):

@@ -25,10 +25,9 @@ def smear_kernel(dx, dy):
     return spread_points(t * dx, t * dy)
 
 
-def spread(xy, view, p, k, n):
-    """Return the move (2,) of part k of n of the exposure."""
-    share = (k + 0.5) / n - 0.5
-    return np.array([share * p["dx_px"], share * p["dy_px"]])
+def spread(xy, view, p, n):
+    """Return (directions (1, 1, 2) px, shares (n, 1)) of the n parts of the exposure, everywhere alike."""
+    return np.array([[[p["dx_px"], p["dy_px"]]]]), ((np.arange(n) + 0.5) / n - 0.5)[:, None]
 
 
 def apply(image, view, p, rng):

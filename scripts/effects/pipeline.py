@@ -151,18 +151,35 @@ def places_light(name):
     return moves_points(name) or spreads_light(name)
 
 
-def spread_moves(view, chosen):
-    """Return functions that move image points (n, 2) to where one part in so many of their light lands; [] for none."""
+def light_spread(view, chosen):
+    """Return what tells where the parts of a point's light land, None where nothing spreads it.
+
+    It takes image pixels (m, 2) to (directions (m, j, 2) px, shares (SPREAD_SAMPLES, j)): part k, one of equal parts, of
+    the light of point i lands shares[k] @ directions[i] beside it.
+    """
     found = active(chosen, "spread")
 
-    def moved(k):
-        def move(xy):
-            parts = zip(found, itertools.cycle(STRIDES), strict=False)
-            return xy + sum(m.spread(xy, view, p, k * s % SPREAD_SAMPLES, SPREAD_SAMPLES) for (m, p), s in parts)
+    def spread(xy):
+        directions, shares = [], []
+        for (module, p), stride in zip(found, itertools.cycle(STRIDES), strict=False):
+            along, share = module.spread(xy, view, p, SPREAD_SAMPLES)
+            directions.append(np.broadcast_to(along, (len(xy), *along.shape[1:])))
+            shares.append(share[np.arange(SPREAD_SAMPLES) * stride % SPREAD_SAMPLES])
+        return np.concatenate(directions, axis=1), np.concatenate(shares, axis=1)
 
-        return move
+    return spread if found else None
 
-    return [moved(k) for k in range(SPREAD_SAMPLES)] if found else []
+
+def left_to_apply(chosen):
+    """Return effects [(name, params)] without what ``light_spread`` has done of them."""
+    left = []
+    for name, p in chosen:
+        rest = getattr(effect_named(name), "left_to_blur", None)
+        if rest is not None:
+            left.append((name, rest(p)))
+        elif not spreads_light(name):
+            left.append((name, p))
+    return left
 
 
 def inverse_points(xy, view, chosen, channel=1, iterations=20):

@@ -11,7 +11,9 @@ from effects.filters import gaussian
 STAGE, ORDER = "processing", 40
 PARAMETERS = {
     "amount": Parameter("1", 0.0, 5.0, 0.0, (0.5, 0.5), 0.05, "strength"),
-    "radius_px": Parameter("px", 0.4, 6.0, 1.0, (1.0, 2.0), 0.3, "standard deviation of the blurred copy"),
+    "radius_px": Parameter(
+        "px", 0.4, 6.0, 1.0, (1.0, 2.0), 0.3, "standard deviation of the blurred copy", qualifies=True
+    ),
 }
 
 

@@ -11,10 +11,10 @@ STAGE, ORDER = "scene", 70
 LAMPS_M = [(x, y) for y in (1.2, 2.2, 3.2, 4.2) for x in (0.0, 0.5, -0.5)]
 PARAMETERS = {
     "strength": Parameter("1", 0.0, 3.0, 0.0, (0.15,), 0.01, "radiance at the highlight's centre"),
-    "x_m": Parameter("m", -3.0, 3.0, 0.0, tuple(x for x, _ in LAMPS_M), 0.05, "lamp, to the right"),
-    "y_m": Parameter("m", -3.0, 6.0, 1.0, tuple(y for _, y in LAMPS_M), 0.05, "lamp, forward"),
-    "height_m": Parameter("m", 0.3, 6.0, 1.5, (1.5,), 0.05, "lamp, above the ground"),
-    "roughness": Parameter("1", 0.05, 0.7, 0.2, (0.25,), 0.02, "width of the highlight"),
+    "x_m": Parameter("m", -3.0, 3.0, 0.0, tuple(x for x, _ in LAMPS_M), 0.05, "lamp, to the right", qualifies=True),
+    "y_m": Parameter("m", -3.0, 6.0, 1.0, tuple(y for _, y in LAMPS_M), 0.05, "lamp, forward", qualifies=True),
+    "height_m": Parameter("m", 0.3, 6.0, 1.5, (1.5,), 0.05, "lamp, above the ground", qualifies=True),
+    "roughness": Parameter("1", 0.05, 0.7, 0.2, (0.25,), 0.02, "width of the highlight", qualifies=True),
 }
 
 

@@ -16,6 +16,7 @@ from gap.observe import (
     measure_plates,
     observe,
     observe_noise,
+    states_at,
     wholly_inside,
 )
 from gap.synthesis import Prints, coverages, ground_points, is_lit, shade
@@ -144,7 +145,7 @@ class Case:
         view = self.view_of(capture, effects, delta)
         scene, prints, _ = self.scene_of(effects)
         channels = (0, 1, 2) if pipeline.is_chromatic(effects) else (1,)
-        moves = pipeline.spread_moves(view, effects)
+        spread = pipeline.light_spread(view, effects)
         planes = []
         for channel in channels:
             mapping = None
@@ -156,27 +157,26 @@ class Case:
             if is_lit(scene):
                 maps = pipeline.key_of([(n, p) for n, p in effects if pipeline.places_light(n)])
                 key = view.T_cam_world.tobytes(), prints, maps
-                geometry = self._geometry_of(key, view, mapping, channel, moves)
+                geometry = self._geometry_of(key, view, mapping, channel, spread)
             else:
-                geometry = coverages(prints, view, mapping, moves)
+                geometry = coverages(prints, view, mapping, spread)
             planes.append(shade(scene, view, *geometry))
         return np.stack(planes, axis=-1).astype(np.float32)
 
-    def _geometry_of(self, key, view, mapping, channel, moves):
+    def _geometry_of(self, key, view, mapping, channel, spread):
         """Return (plates, black, sky, ground) of a capture's channel, kept while only the light changes."""
         place = view.capture, channel
         if place not in self._geometry and len(self._geometry) >= GEOMETRY_KEPT_PX // (view.width * view.height):
             self._geometry.clear()
         if self._geometry.get(place, (None,))[0] != key:
-            covers = [c.astype(np.float32) for c in coverages(key[1], view, mapping, moves)]
+            covers = [c.astype(np.float32) for c in coverages(key[1], view, mapping, spread)]
             self._geometry[place] = key, (*covers, [g.astype(np.float32) for g in ground_points(view, mapping)])
         return self._geometry[place][1]
 
     def image_of(self, radiance, capture, effects, delta, rng=None):
         """Return the twin's grey levels (H, W, C): expected where ``rng`` is None, else as a camera gives them."""
         view = self.view_of(capture, effects, delta)
-        left = [(n, p) for n, p in effects if not pipeline.spreads_light(n)]
-        image = pipeline.photometric(radiance, view, left, self.noise_dn, rng)
+        image = pipeline.photometric(radiance, view, pipeline.left_to_apply(effects), self.noise_dn, rng)
         m = view.margin
         image = image[m : m + view.height, m : m + view.width]
         return mean_of_clipped(image, self.noise_dn) if rng is None else np.clip(np.rint(image), 0, 255)
@@ -205,7 +205,9 @@ class Case:
         wanted = wholly_inside(starts, capture.view.width, capture.view.height)
         wanted &= np.nan_to_num(code_sides_px(starts)) >= SMALLEST_SIDE_PX
         grey = grey_of(image)
-        _, _, first, _ = first_pass = measure_plates(grey, starts, wanted, self.codes, COARSE_TO_FINE)
+        _, _, first, _ = first_pass = measure_plates(
+            grey, states_at(starts, self.codes), wanted, self.codes, COARSE_TO_FINE
+        )
         measured = first_pass[0][:, :8].reshape(-1, 4, 2), first
         starts, outlines = (
             follow_neighbours(starts, starts, *measured),

@@ -53,6 +53,7 @@ SMALLEST_FLOOR = {"corners": 0.25, "edges": 0.25, "levels": 0.5, "colour": 0.5, 
 LARGEST_FLOOR = 1.5
 LIKE_NOISE = 1.5  # gap of the noise's own observables up to which the twin's noise is like the real one
 ALLOWED = 0.1
+STILL_OPEN = 2.0  # gap, in units of the floor, that is open whatever it was at first
 ENOUGH = 1.10  # a gap up to this, in units of the floor, is the floor
 
 
@@ -488,8 +489,15 @@ def gains_by_station(case, before, after):
 
 
 def is_there(effect, values, errors):
-    """Return whether some parameter is farther from its null than is worth naming and than three standard errors."""
-    return any(abs(values[k] - p.null) > max(p.matters, 3 * errors[k]) for k, p in effect_parameters(effect).items())
+    """Return whether some parameter is farther from its null than is worth naming and than three standard errors.
+
+    One that only says how another acts tells nothing.
+    """
+    return any(
+        abs(values[k] - p.null) > max(p.matters, 3 * errors[k])
+        for k, p in effect_parameters(effect).items()
+        if not p.qualifies
+    )
 
 
 def rank(candidates):
@@ -634,9 +642,9 @@ def climbed(diagnosis, first, excess, most_steps, progress, start_with=None, tak
 def conclude(diagnosis, first, most_steps=6, progress=None):
     """Climb from the base, leave the diagnosis at what was found, and return the Outcome.
 
-    The best first step is not always on the best way: where it leaves its own group of observables open, the next best
-    ones are tried as well. What can mimic anything of its kind, a warp of many waves, competes only where
-    the others leave a gap.
+    The best first step is not always on the best way: where it leaves its own group of observables open, or comes near
+    and stays open, the next best ones are tried as well. What can mimic anything of its kind, a warp of many waves,
+    competes only where the others leave a gap.
     Where most of the gap stays, and no step closed the group of observables in which it gained most, what helped is a
     patch on something else: it gets no name, and the base is restored.
     """
@@ -645,7 +653,8 @@ def conclude(diagnosis, first, most_steps=6, progress=None):
     rigid = [c for c in first if len(c.parameters) <= MANY_PARAMETERS]
     ways = [c for c in rank(rigid) if is_missing(c, before)][:FIRST_STEPS]
     best = climbed(diagnosis, rigid, excess, most_steps, progress)
-    for way in ways[1:] if ways and _is_open(diagnosis, main_group(ways[0]), before) else []:
+    on_another_way = best.share_left < CLOSED or (ways and _is_open(diagnosis, main_group(ways[0]), before))
+    for way in ways[1:] if on_another_way else []:
         if best.verdict != "unexplained":
             break
         diagnosis.rebase(start.effects, start.poses)
@@ -717,7 +726,8 @@ def verdict_of(steps, gap, gap_se, share_left=1.0):
     A gap that captures disagree about is no smaller for that: the error is allowed for up to ``ALLOWED`` only.
     ``share_left`` is what the climb left of the excess: effects have the right name before they have the last form.
     """
-    if gap - min(2 * np.nan_to_num(gap_se), ALLOWED) > ENOUGH and not (steps and share_left < CLOSED):
+    nearly_closed = steps and share_left < CLOSED and gap < STILL_OPEN
+    if gap - min(2 * np.nan_to_num(gap_se), ALLOWED) > ENOUGH and not nearly_closed:
         return "unexplained"
     return "explained" if steps else "adequate"
 

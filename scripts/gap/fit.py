@@ -11,7 +11,16 @@ import numpy as np
 
 from effects import pipeline
 from gap.flats import field_levels
-from gap.observe import FINE, classify_flats, grey_of, measure_colour, measure_plates, observe_noise
+from gap.observe import (
+    FINE,
+    classify_flats,
+    grey_of,
+    measure_colour,
+    measure_plates,
+    observe_noise,
+    states_at,
+    states_of,
+)
 from gap.patch import N_FEATURES
 from job import seed_of
 
@@ -145,6 +154,27 @@ def flatten(groups):
     return np.concatenate([groups[g].ravel() for g in GROUPS if g in groups])
 
 
+class SameNormals:
+    """A source of random numbers that gives a capture's the same ones whenever it is made: drawn once, kept in ``drawn``."""
+
+    def __init__(self, seed, drawn):
+        self.seed, self.drawn, self.calls = seed, drawn, 0
+        self.others = np.random.default_rng([seed, 0])
+
+    def standard_normal(self, shape, dtype=np.float64):
+        """Return the standard normal numbers of this call; they are not to be written to."""
+        self.calls += 1
+        key = self.calls, tuple(shape), np.dtype(dtype)
+        if key not in self.drawn:
+            self.drawn[key] = np.random.default_rng([self.seed, self.calls]).standard_normal(shape, dtype=dtype)
+            self.drawn[key].flags.writeable = False
+        return self.drawn[key]
+
+    def __getattr__(self, name):
+        """Other distributions are drawn anew, alike each time."""
+        return getattr(self.others, name)
+
+
 # -- prediction ---------------------------------------------------------------------------------------------------
 
 
@@ -158,6 +188,8 @@ class Fitter:
         self.whiteners = [Whitener(c, w) for c, w in zip(case.captures, self.noise_of, strict=True)]
         self.prior = np.where(np.isfinite(case.sigma_pose), 1 / case.sigma_pose**2, 0.0)
         self._radiance, self._predictions = {}, {}
+        self._normals = {}  # of each capture, as SameNormals keeps them
+        self._departures = {}  # of each capture's plates from exact corners and nominal levels, where the next fit starts
 
     def radiance(self, i, effects, delta):
         """Return the twin's radiance, cached by geometry: photometric steps draw nothing again."""
@@ -185,7 +217,8 @@ class Fitter:
         features, measured, colour, field = self._measured(i, image, effects, delta)
         noise = None
         if self.noise_of[i]:
-            rng = np.random.default_rng(seed_of(case.campaign, case.camera, capture.view.capture, "fit noise"))
+            seed = seed_of(case.campaign, case.camera, capture.view.capture, "fit noise")
+            rng = SameNormals(seed, self._normals.setdefault(i, {}))
             noisy = case.image_of(radiance, capture, effects, delta, rng)
             corners = features[:, :8].reshape(-1, 4, 2)
             outlines = case.corners_of(capture, effects, delta, case.scene_of(effects)[1].outlines)
@@ -199,7 +232,15 @@ class Fitter:
         grey = grey_of(image)
         exact = case.corners_of(case.captures[i], effects, delta)
         wanted = o.measured & np.isfinite(exact).all((1, 2))
-        features, _, measured, _ = measure_plates(grey, exact, wanted, case.codes, FINE, case.rims_of(effects))
+        nominal = states_at(exact, case.codes, case.rims_of(effects))
+        features, _, measured, _ = measure_plates(
+            grey, nominal + self._departures.get(i, 0.0), wanted, case.codes, FINE
+        )
+        lost = wanted & ~measured
+        if i in self._departures and lost.any():
+            again, _, found, _ = measure_plates(grey, nominal, lost, case.codes, FINE)
+            features, measured = np.where(found[:, None], again, features), measured | found
+        self._departures[i] = np.where(measured[:, None], states_of(features) - nominal, 0.0)
         colour = measure_colour(image, features[:, :8].reshape(-1, 4, 2), measured, case.codes)
         field, _ = field_levels(grey.astype(np.float64), o.classes)
         return features, measured, colour, field

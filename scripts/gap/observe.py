@@ -7,7 +7,8 @@ import numpy as np
 from numba import njit
 
 from gap.flats import NOISE_FEATURES, field_levels, flat_classes, noise_features
-from gap.patch import FEATURES, N_FEATURES, _expand, _solve, measure_plate, px_per_m
+from gap.patch import FEATURES, N_FEATURES, N_STATE, _expand, _solve, measure_plate
+from gap.patch import RIM as RIM_STATE
 from gap.synthesis import black_rectangles
 
 COLOUR_FEATURES = (
@@ -125,14 +126,15 @@ def _colour(red, blue, corners, half_code, half_plate, rectangles, levels, lut):
         y0,
         0,
     )
-    S = np.zeros((y1 - y0, x1 - x0, 5))
-    S[..., :3] = B[..., 8:11]
-    S[..., 3] = B[..., 0] + B[..., 2] + B[..., 4] + B[..., 6]
-    S[..., 4] = B[..., 1] + B[..., 3] + B[..., 5] + B[..., 7]
+    S = np.empty((5, *B.shape[1:]))
+    S[:3] = B[8:11]
+    S[3] = B[0] + B[2] + B[4] + B[6]
+    S[4] = B[1] + B[3] + B[5] + B[7]
     ridge = np.full(5, 1e-3)
     for i in range(2):
         image = red if i == 0 else blue
-        coefficients, _, _, _ = _solve(S, image[y0:y1, x0:x1].astype(np.float64), ridge)
+        inner = image[y0 + 1 : y1 - 1, x0 + 1 : x1 - 1].astype(np.float64)
+        coefficients, _, _, _ = _solve(S, inner, ridge)
         out[5 * i : 5 * i + 5] = coefficients
     return out
 
@@ -157,26 +159,41 @@ def wholly_inside(corners, width, height, border=6.0):
     )
 
 
-def measure_plates(grey, starts, wanted, codes, radii, rims=None):
-    """Measure the wanted plates (p,) of a grey image (H, W) from predicted corners (p, 4, 2).
+def states_at(corners, codes, rims=0.0):
+    """Return states (p, 14) from which plates are measured: corners (p, 4, 2), nominal levels, ``rims`` (p,) how far plates
+    reach beyond the nominal ones, metres.
+    """
+    states = np.zeros((len(corners), N_STATE))
+    states[:, :8] = corners.reshape(-1, 8)
+    sides = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=-1).mean(1)
+    states[:, RIM_STATE] = rims * np.nan_to_num(sides) / (2 * codes.half_code)
+    return states
 
-    ``rims`` (p,): how far plates are predicted to reach beyond the nominal ones, metres; None: not at all.
+
+def states_of(features):
+    """Return the states (p, 14) of measured features (p, 19)."""
+    return features[:, [*range(RIM_STATE), RIM]]
+
+
+def measure_plates(grey, states, wanted, codes, radii):
+    """Measure the wanted plates (p,) of a grey image (H, W) from states (p, 14) near them.
+
     Return features (p, 19), information (p, 19, 19), measured (p,), misfit variance (p,).
     """
-    n = len(starts)
-    rims = np.zeros(n) if rims is None else rims
+    n = len(states)
     features = np.full((n, N_FEATURES), np.nan)
     information = np.zeros((n, N_FEATURES, N_FEATURES))
     measured = np.zeros(n, bool)
     misfit = np.full(n, np.nan)
     grey = np.ascontiguousarray(grey, np.float32)
+    nominal = codes.contrast_dn
     for i in np.flatnonzero(wanted):
         f, info, _, variance, _, ok = measure_plate(
-            grey, np.ascontiguousarray(starts[i]), rims[i], codes.half_code[i], codes.half_plate[i], codes.rectangles[i],
+            grey, np.ascontiguousarray(states[i]), codes.half_code[i], codes.half_plate[i], codes.rectangles[i],
             codes.levels, codes.lut, RIDGE, radii, FARTHEST_PX,
         )  # fmt: skip
-        contrast = codes.contrast_dn + f[WHITE] - f[BLACK]
-        if ok and contrast > LEAST_CONTRAST * codes.contrast_dn and np.sqrt(variance) < WORST_MISFIT * contrast:
+        contrast = nominal + f[WHITE] - f[BLACK]
+        if ok and contrast > LEAST_CONTRAST * nominal and np.sqrt(variance) < WORST_MISFIT * contrast:
             features[i], information[i], measured[i], misfit[i] = f, info, True, variance
     return features, information, measured, misfit
 
@@ -226,14 +243,10 @@ def noise_amplification(grey, features, information, measured, codes):
     Where blur is wider than a module, a fit to the sharp code hardly knows where to go: the plates are measured again with
     noise of one grey level added. What chance makes of twice eight corner coordinates is no amplification.
     """
-    corners = features[:, :8].reshape(-1, 4, 2)
-    rims = np.zeros(len(features))
-    for i in np.flatnonzero(measured):
-        rims[i] = features[i, RIM] / px_per_m(np.ascontiguousarray(corners[i]), codes.half_code[i])
     squares = np.where(measured, 0.0, 1.0)
     for seed in range(REPEATS):
         noise = np.random.default_rng(seed).standard_normal(grey.shape, dtype=np.float32)
-        again, _, found, _ = measure_plates(grey + noise, corners, measured, codes, FINE, rims)
+        again, _, found, _ = measure_plates(grey + noise, states_of(features), measured, codes, FINE)
         for i in np.flatnonzero(measured):
             moved = again[i, :8] - features[i, :8]
             covariance = np.linalg.inv(information[i])[:8, :8]
@@ -248,7 +261,7 @@ def observe(image, starts, outlines, wanted, view, codes, radii):
     """
     image = image.astype(np.float32)
     grey = grey_of(image)
-    features, information, measured, misfit = measure_plates(grey, starts, wanted, codes, radii)
+    features, information, measured, misfit = measure_plates(grey, states_at(starts, codes), wanted, codes, radii)
     amplified = noise_amplification(grey, features, information, measured, codes)
     measured = measured & (amplified < MOST_AMPLIFIED)
     information = information / np.minimum(amplified, MOST_AMPLIFIED)[:, None, None] ** 2

@@ -96,13 +96,14 @@ def _box(image, radius):
         for c in range(w):
             rows[r, c] = total / n
             total += image[r, min(c + radius + 1, w - 1)] - image[r, max(c - radius, 0)]
-    for c in range(w):
-        total = 0.0
-        for k in range(-radius, radius + 1):
-            total += rows[min(max(k, 0), h - 1), c]
-        for r in range(h):
-            out[r, c] = total / n
-            total += rows[min(r + radius + 1, h - 1), c] - rows[max(r - radius, 0), c]
+    total = np.zeros(w)
+    for k in range(-radius, radius + 1):
+        total += rows[min(max(k, 0), h - 1)]
+    for r in range(h):
+        coming, going = rows[min(r + radius + 1, h - 1)], rows[max(r - radius, 0)]
+        for c in range(w):
+            out[r, c] = total[c] / n
+            total[c] += coming[c] - going[c]
     return out
 
 
@@ -116,9 +117,9 @@ def _encode(value, lut):
 @njit(cache=True)
 def _plate_coordinates(inverse, x, y, half_code):
     """Return plate coordinates of a pixel in units of half the code's side."""
-    q = inverse[2, 0] * x + inverse[2, 1] * y + inverse[2, 2]
-    u = (inverse[0, 0] * x + inverse[0, 1] * y + inverse[0, 2]) / q / half_code
-    v = (inverse[1, 0] * x + inverse[1, 1] * y + inverse[1, 2]) / q / half_code
+    scale = 1 / ((inverse[2, 0] * x + inverse[2, 1] * y + inverse[2, 2]) * half_code)
+    u = (inverse[0, 0] * x + inverse[0, 1] * y + inverse[0, 2]) * scale
+    v = (inverse[1, 0] * x + inverse[1, 1] * y + inverse[1, 2]) * scale
     return u, v
 
 
@@ -134,7 +135,7 @@ def px_per_m(corners, half_code):
 
 @njit(cache=True)
 def _expand(image, corners, half_code, half_plate, rectangles, levels, shifts, lut, x0, y0, radius):
-    """Return (expansion images (h, w, 19), residual (h, w)) of a patch about the model at ``corners``.
+    """Return (expansion images (19, h - 2, w - 2), residual) of a patch (h, w) about the model at ``corners``, its rim left out.
 
     ``half_plate`` is that found so far, ``shifts`` (5,) are grey levels already found for white, black, ground and the
     slopes over the plate.
@@ -162,57 +163,66 @@ def _expand(image, corners, half_code, half_plate, rectangles, levels, shifts, l
     contrast = _encode(white_level, lut) - _encode(black_level, lut) + shifts[0] - shifts[1]
     outer_contrast = _encode(white_level, lut) - _encode(ground_level, lut) + shifts[0] - shifts[2]
     inverse = np.linalg.inv(H)
+    us = np.empty((h, w))
+    vs = np.empty((h, w))
     for r in range(h):
         for k in range(w):
-            u, v = _plate_coordinates(inverse, k + x0, r + y0, c)
+            us[r, k], vs[r, k] = _plate_coordinates(inverse, k + x0, r + y0, c)
             white = plate[r, k] - black[r, k]
             model[r, k] += shifts[0] * white + shifts[1] * black[r, k] + shifts[2] * (1 - plate[r, k])
-            model[r, k] += plate[r, k] * (shifts[3] * u + shifts[4] * v)
+            model[r, k] += plate[r, k] * (shifts[3] * us[r, k] + shifts[4] * vs[r, k])
     smooth = _box(model, radius)
-    residual = _box(image, radius) - smooth
+    blurred = _box(image, radius)
     wide = _box(smooth, 4)
     rim = _box(rim, radius)
-    B = np.zeros((h, w, N_FEATURES))
-    for r in range(h):
-        up, down = max(r - 1, 0), min(r + 1, h - 1)
-        for k in range(w):
-            left, right = max(k - 1, 0), min(k + 1, w - 1)
-            gx = 0.5 * (smooth[r, right] - smooth[r, left])
-            gy = 0.5 * (smooth[down, k] - smooth[up, k])
-            u, v = _plate_coordinates(inverse, k + x0, r + y0, c)
-            # bilinear weights of the corners: how far this pixel moves when one corner does
-            for n in range(4):
-                su = 1.0 if n == 1 or n == 2 else -1.0
-                sv = 1.0 if n < 2 else -1.0
-                weight = 0.25 * (1 + su * u) * (1 + sv * v)
-                B[r, k, 2 * n] = -gx * weight
-                B[r, k, 2 * n + 1] = -gy * weight
-            white = plate[r, k] - black[r, k]
-            B[r, k, 8] = white
-            B[r, k, 9] = black[r, k]
-            B[r, k, 10] = 1 - plate[r, k]
-            B[r, k, 11] = plate[r, k] * u
-            B[r, k, 12] = plate[r, k] * v
-            centre = smooth[r, k]
-            B[r, k, 13] = 0.5 * (smooth[r, right] - 2 * centre + smooth[r, left])
-            B[r, k, 14] = 0.5 * (smooth[down, k] - 2 * centre + smooth[up, k])
-            B[r, k, 15] = 0.25 * (smooth[down, right] - smooth[down, left] - smooth[up, right] + smooth[up, left])
-            B[r, k, 16] = centre - wide[r, k]
-            bx = 0.5 * (black[r, right] - black[r, left])
-            by = 0.5 * (black[down, k] - black[up, k])
-            B[r, k, 17] = -contrast * np.sqrt(bx * bx + by * by)
-            B[r, k, 18] = outer_contrast * rim[r, k] / RIM_STEP_PX
+    B = np.empty((N_FEATURES, h - 2, w - 2))
+    residual = np.empty((h - 2, w - 2))
+    gx = np.empty(w - 2)
+    gy = np.empty(w - 2)
+    for r in range(1, h - 1):
+        above, row, below = smooth[r - 1], smooth[r], smooth[r + 1]
+        u, v = us[r, 1:-1], vs[r, 1:-1]
+        for k in range(w - 2):
+            residual[r - 1, k] = blurred[r, k + 1] - row[k + 1]
+            gx[k] = 0.5 * (row[k + 2] - row[k])
+            gy[k] = 0.5 * (below[k + 1] - above[k + 1])
+        # bilinear weights of the corners: how far this pixel moves when one corner does
+        for n in range(4):
+            su = 1.0 if n == 1 or n == 2 else -1.0
+            sv = 1.0 if n < 2 else -1.0
+            for k in range(w - 2):
+                weight = 0.25 * (1 + su * u[k]) * (1 + sv * v[k])
+                B[2 * n, r - 1, k] = -gx[k] * weight
+                B[2 * n + 1, r - 1, k] = -gy[k] * weight
+        for k in range(w - 2):
+            on, ink = plate[r, k + 1], black[r, k + 1]
+            B[8, r - 1, k] = on - ink
+            B[9, r - 1, k] = ink
+            B[10, r - 1, k] = 1 - on
+            B[11, r - 1, k] = on * u[k]
+            B[12, r - 1, k] = on * v[k]
+        for k in range(w - 2):
+            centre = row[k + 1]
+            B[13, r - 1, k] = 0.5 * (row[k] - 2 * centre + row[k + 2])
+            B[14, r - 1, k] = 0.5 * (below[k + 1] - 2 * centre + above[k + 1])
+            B[15, r - 1, k] = 0.25 * (below[k + 2] - below[k] - above[k + 2] + above[k])
+            B[16, r - 1, k] = centre - wide[r, k + 1]
+        for k in range(w - 2):
+            bx = 0.5 * (black[r, k + 2] - black[r, k])
+            by = 0.5 * (black[r + 1, k + 1] - black[r - 1, k + 1])
+            B[17, r - 1, k] = -contrast * np.sqrt(bx * bx + by * by)
+            B[18, r - 1, k] = outer_contrast * rim[r, k + 1] / RIM_STEP_PX
     return B, residual
 
 
 @njit(cache=True)
 def _solve(B, residual, ridge):
-    """Return (coefficients, normal matrix, residual sum of squares) of the regression, edges of the patch left out."""
-    h, w, n = B.shape
-    rows = np.ascontiguousarray(B[1 : h - 1, 1 : w - 1]).reshape(-1, n)
-    y = np.ascontiguousarray(residual[1 : h - 1, 1 : w - 1]).reshape(-1)
-    A = rows.T @ rows
-    b = rows.T @ y
+    """Return (coefficients, normal matrix, residual sum of squares, pixels) of the regression on images B (n, h, w)."""
+    n = B.shape[0]
+    columns = B.reshape(n, -1)
+    y = residual.reshape(-1)
+    A = columns @ columns.T
+    b = columns @ y
     rss = y @ y
     M = A.copy()
     for i in range(n):
@@ -267,11 +277,11 @@ def _accelerated(state, step, before, changes, n):
 
 
 @njit(cache=True)
-def measure_plate(image, start, rim, half_code, half_plate, rectangles, levels, lut, ridge, radii, max_px):
+def measure_plate(image, start, half_code, half_plate, rectangles, levels, lut, ridge, radii, max_px):
     """Fit one plate.
 
-    image        (H, W) float32 grey levels; start (4, 2) predicted corners of the code, pixels; rim how far the plate
-                 is predicted to reach beyond ``half_plate``, metres
+    image        (H, W) float32 grey levels; start (14,) predicted corners of the code, pixels, shifts of the five levels,
+                 and how far the plate reaches beyond ``half_plate``, pixels
     half_code, half_plate  metres; rectangles (n, 4) black area, metres
     levels       linear values of white, black, ground; lut grey level of linear values 0..1
     ridge        (19,) prior precision of each coefficient in units of one grey level's noise
@@ -280,14 +290,12 @@ def measure_plate(image, start, rim, half_code, half_plate, rectangles, levels, 
     Return (features (19,), information matrix (19, 19) per unit noise variance, corners (4, 2), noise variance of
     the fit, steps' last size in pixels, 1.0 if converged else 0.0); the first eight features are the corners.
     """
-    corners = start.copy()
+    corners = start[:8].copy().reshape(4, 2)
     values = np.zeros(N_FEATURES)
     info = np.eye(N_FEATURES)
     variance = 0.0
     size = 1e9
-    state = np.zeros(N_STATE)
-    state[:8] = corners.ravel()
-    state[RIM] = rim * px_per_m(corners, half_code)
+    state = start.copy()
     for p in range(radii.shape[0]):
         radius = radii[p]
         changes = np.zeros((2, DEPTH, N_STATE))  # of the state and of its step, from one iteration to the next
@@ -315,7 +323,7 @@ def measure_plate(image, start, rim, half_code, half_plate, rectangles, levels, 
             move = _accelerated(state, step, before, changes, n)
             move *= min(1.0, (1.5 + radius) / max(np.abs(move[:8]).max(), abs(move[RIM]), 1e-9))
             state += move
-            if np.abs(state[:8] - start.ravel()).max() > max_px:
+            if np.abs(state[:8] - start[:8]).max() > max_px:
                 return values, info, corners, variance, size, 0.0
             if size < SMALLEST_STEP_PX:
                 break

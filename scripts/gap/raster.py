@@ -73,6 +73,28 @@ def add_polygons(acc, vertices, weights):
 
 
 @njit(cache=True)
+def add_spread_polygons(acc, vertices, directions, shares):
+    """Add closed polygons (n, m, 2) of weight 1 in equal parts, each vertex of part k moved by shares[k] @ its directions.
+
+    directions (n, m, j, 2), shares (parts, j).
+    """
+    n, m, parts = vertices.shape[0], vertices.shape[1], shares.shape[0]
+    moved = np.empty((m, 2))
+    for i in range(n):
+        for k in range(parts):
+            for v in range(m):
+                x, y = vertices[i, v, 0], vertices[i, v, 1]
+                for j in range(shares.shape[1]):
+                    x += shares[k, j] * directions[i, v, j, 0]
+                    y += shares[k, j] * directions[i, v, j, 1]
+                moved[v, 0] = x
+                moved[v, 1] = y
+            for v in range(m):
+                w = v + 1 if v + 1 < m else 0
+                add_edge(acc, moved[v, 0], moved[v, 1], moved[w, 0], moved[w, 1], -1.0 / parts)
+
+
+@njit(cache=True)
 def running_sum(acc, out):
     """Write the running sums of the accumulator's rows to ``out`` (rows, columns)."""
     for row in range(out.shape[0]):

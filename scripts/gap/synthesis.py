@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from effects.base import highlight_radiance, light_factor
-from gap.raster import add_polygons, running_sum
+from gap.raster import add_polygons, add_spread_polygons, running_sum
 from rig.geometry import project, transform
 
 EDGE_STEP_PX = 8.0  # edges bent by a lens are drawn in straight pieces no longer than this
@@ -61,8 +61,10 @@ def _subdivide(polygons, pieces):
     return cut.reshape(len(polygons), -1, polygons.shape[-1])
 
 
-def _longest_edge_px(pixels):
-    return np.nanmax(np.linalg.norm(pixels - np.roll(pixels, -1, axis=1), axis=-1), initial=0.0)
+def _pieces(pixels):
+    """Return into how many pieces, a power of two, the edges of polygons (n, m, 2) are cut (n,)."""
+    longest = np.nan_to_num(np.linalg.norm(pixels - np.roll(pixels, -1, axis=1), axis=-1)).max(1, initial=0.0)
+    return 2 ** np.ceil(np.log2(np.maximum(longest / EDGE_STEP_PX, 1))).astype(int)
 
 
 def sky_polygon(view, map_points):
@@ -86,40 +88,42 @@ def sky_polygon(view, map_points):
     return np.concatenate([[[line[0, 0] - 50, top], [line[-1, 0] + 50, top]], line[::-1]])[None]
 
 
-def coverages(prints, view, map_points=None, moves=()):
+def coverages(prints, view, map_points=None, spread=None):
     """Return exact coverages of the whole array incl. margin: (plates, black, sky), each (H + 2m, W + 2m).
 
-    map_points takes ideal pixels (n, 2) to image pixels; None is the pinhole. Each of ``moves`` takes image pixels to
-    where an equal part of their light lands; empty: all stays.
+    map_points takes ideal pixels (n, 2) to image pixels; None is the pinhole. ``spread`` says where the parts of the light
+    of image pixels land (effects.pipeline.light_spread); None: all stays.
     """
     m = view.margin
     shape = (view.height + 2 * m, view.width + 2 * m)
-    offset = m + 0.5
     in_view = visible_plates(prints.outlines, view)
 
-    def fill(pixels):
+    def fill(parts):
         acc, out = np.zeros((shape[0], shape[1] + 2)), np.zeros(shape)
-        flat = pixels.reshape(-1, 2)
-        for move in moves or [lambda xy: xy]:
-            moved = np.ascontiguousarray(move(flat).reshape(pixels.shape) + offset)
-            add_polygons(acc, moved, np.full(len(pixels), 1 / max(len(moves), 1)))
+        for pixels in parts:
+            vertices = np.ascontiguousarray(pixels + (m + 0.5))
+            if spread is None:
+                add_polygons(acc, vertices, np.ones(len(vertices)))
+            else:
+                directions, shares = spread(pixels.reshape(-1, 2))
+                add_spread_polygons(acc, vertices, directions.reshape(*pixels.shape[:2], -1, 2), shares)
         running_sum(acc, out)
         return out
 
     def draw(polygons_world):
-        if len(polygons_world):
-            pixels = project(view.K, view.T_cam_world, polygons_world)
-            if map_points is not None:
-                pieces = max(1, int(np.ceil(_longest_edge_px(pixels) / EDGE_STEP_PX)))
-                pixels = project(view.K, view.T_cam_world, _subdivide(polygons_world, pieces))
-                pixels = map_points(pixels.reshape(-1, 2)).reshape(pixels.shape)
-            return fill(pixels)
-        return np.zeros(shape)
+        pixels = project(view.K, view.T_cam_world, polygons_world)
+        if map_points is None or not len(pixels):
+            return fill([pixels])
+        pieces, parts = _pieces(pixels), []
+        for count in np.unique(pieces):
+            cut = project(view.K, view.T_cam_world, _subdivide(polygons_world[pieces == count], count))
+            parts.append(map_points(cut.reshape(-1, 2)).reshape(cut.shape))
+        return fill(parts)
 
     plates = draw(prints.outlines[in_view])
     black = draw(prints.blacks[np.isin(prints.plate_of_black, np.flatnonzero(in_view))])
     horizon = sky_polygon(view, map_points)
-    sky = np.zeros(shape) if horizon is None else fill(horizon)
+    sky = np.zeros(shape) if horizon is None else fill([horizon])
     return plates, black, sky
 
 

@@ -86,7 +86,7 @@ def test_adopting_again_refreshes_the_numbers(place):
     assert run("cam", "vignetting") == 0
     text = place.read_text()
     assert text.count("vignetting") == 1 and "# by eye" in text
-    assert dict(load_twin(place).effects)["vignetting"] == {"a2": 0.21, "a4": -0.02}
+    assert dict(load_twin(place).effects)["vignetting"] == {"a2": 0.21, "a4": -0.02, "a6": 0.0}
 
 
 def test_adopt_and_remove_is_a_round_trip(place):

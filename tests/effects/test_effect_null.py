@@ -69,3 +69,17 @@ def test_formed_image_is_the_base(name):
     base = pipeline.form_image(radiance, v, [], 1.5, np.random.default_rng(3))
     same = pipeline.form_image(radiance, v, [(name, pipeline.nulls_of(name))], 1.5, np.random.default_rng(3))
     np.testing.assert_array_equal(same, base)
+
+
+@pytest.mark.parametrize("name", having("apply"))
+def test_a_qualifying_parameter_does_nothing_by_itself(name):
+    """An effect whose strength is nil would be named for a depth in focus, or a radius, that means nothing."""
+    parameters, v = EFFECTS[name].PARAMETERS, view()
+    only = {
+        key: p.starts[0] + 0.3 * (p.upper - p.starts[0]) if p.qualifies else p.null for key, p in parameters.items()
+    }
+    assert set(only) != {key for key, p in parameters.items() if p.qualifies}  # something must be able to be named
+    channels = 3 if getattr(EFFECTS[name], "MAKES_COLOUR", False) else 1
+    image = noise_image(channels, v, high=255.0 if EFFECTS[name].STAGE == "processing" else 1.0)
+    out = EFFECTS[name].apply(image.copy(), v, only, np.random.default_rng(5))
+    np.testing.assert_array_equal(out, image)

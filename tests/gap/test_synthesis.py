@@ -8,7 +8,7 @@ import pytest
 from effects import pipeline
 from effects.base import Scene, View
 from gap.case import code_corners_world, encoding_table, mean_of_clipped
-from gap.observe import COARSE_TO_FINE, FINE, Codes, measure_plates, noise_amplification
+from gap.observe import COARSE_TO_FINE, FINE, Codes, measure_plates, noise_amplification, states_at
 from gap.raster import coverage
 from gap.synthesis import Prints, coverages, shade
 from rig.geometry import camera_matrix, project, station_pose
@@ -28,10 +28,10 @@ def scene_and_view():
     return scene, View(K, 640, 480, 12, station_pose(0.5, 35), "c", "a", "s")
 
 
-def grey_image(scene, view, table, moves=()):
+def grey_image(scene, view, table, spread=None):
     """Return the frame's grey levels (H, W) of a scene."""
     m = view.margin
-    linear = shade(scene, view, *coverages(Prints(scene.plates), view, moves=moves))
+    linear = shade(scene, view, *coverages(Prints(scene.plates), view, spread=spread))
     return np.interp(linear, np.linspace(0, 1, len(table)), table)[m:-m, m:-m]
 
 
@@ -65,7 +65,9 @@ def test_the_fit_finds_projected_corners_of_its_own_synthesis_and_of_noise_its_s
     codes = Codes.of(scene.plates, [0.8, 0.05, 0.35], table)
     truth = project(view.K, view.T_cam_world, np.array([code_corners_world(p) for p in scene.plates]))
     noisy = grey + np.random.default_rng(1).normal(0, 1, grey.shape)
-    features, information, measured, _ = measure_plates(noisy, truth + 0.8, np.ones(2, bool), codes, FINE)
+    features, information, measured, _ = measure_plates(
+        noisy, states_at(truth + 0.8, codes), np.ones(2, bool), codes, FINE
+    )
     error = features[:, :8].reshape(-1, 4, 2) - truth
     se = np.sqrt([np.diag(np.linalg.inv(i)) for i in information])[:, :8]
     assert measured.all() and np.abs(error).max() < 0.03
@@ -81,7 +83,9 @@ def test_codes_of_another_size_are_measured_where_they_are(scale):
     codes = Codes.of(nominal.plates, [0.8, 0.05, 0.35], table)
     grey = grey_image(scene, view, table)
     truth = project(view.K, view.T_cam_world, np.array([code_corners_world(p) for p in scene.plates]))
-    features, _, measured, _ = measure_plates(grey, truth + 0.4, np.ones(2, bool), codes, COARSE_TO_FINE)
+    features, _, measured, _ = measure_plates(
+        grey, states_at(truth + 0.4, codes), np.ones(2, bool), codes, COARSE_TO_FINE
+    )
     assert measured.all()
     assert np.abs(features[:, :8].reshape(-1, 4, 2) - truth).max() < 0.02
     side = np.linalg.norm(truth - np.roll(truth, 1, axis=1), axis=-1).mean(1)
@@ -111,6 +115,7 @@ def test_expected_levels_are_the_mean_of_clipped_ones(level):
 
 
 SPREADS = [
+    ("lens_blur", {"sigma_px": 0.5}),
     ("motion_blur", {"dx_px": 3.0, "dy_px": -1.0}),
     ("defocus", {"blur_px_per_dioptre": 1.5, "focus_m": 0.4, "softness": 0.0}),
     ("field_curvature", {"sigma_corner_px": 6.0, "softness": 1.0}),
@@ -122,7 +127,7 @@ def test_light_is_spread_as_the_image_is_blurred(effect):
     """Parts that land askew, or too far, would part the fit's image from Blender's; blurring whole pixels is 1 % off."""
     scene, view = scene_and_view()
     sharp = shade(scene, view, *coverages(Prints(scene.plates), view))
-    drawn = shade(scene, view, *coverages(Prints(scene.plates), view, moves=pipeline.spread_moves(view, [effect])))
+    drawn = shade(scene, view, *coverages(Prints(scene.plates), view, spread=pipeline.light_spread(view, [effect])))
     module, m = pipeline.effect_named(effect[0]), 20
     blurred = module.apply(sharp.astype(np.float32)[..., None], view, effect[1], None)[..., 0]
     inside = np.s_[m:-m, m:-m]
@@ -135,13 +140,16 @@ def test_parts_of_light_fill_what_they_stand_for():
     """Parts that bunch, or that visit the exposure in step with the pupil, would spread less or more than the formula."""
     _, view = scene_and_view()
     at = np.array([[600.0, 30.0]])
-    for chosen in (SPREADS[:1], SPREADS[1:2], SPREADS[2:], SPREADS):
-        moved = np.concatenate([move(at) for move in pipeline.spread_moves(view, chosen)]) - at
+    for chosen in (*([effect] for effect in SPREADS), SPREADS):
+        directions, shares = pipeline.light_spread(view, chosen)(at)
+        moved = shares @ directions[0]
         wanted = np.zeros((2, 2))
         for name, p in chosen:
             if name == "motion_blur":
                 way = np.array([p["dx_px"], p["dy_px"]])
                 wanted += np.outer(way, way) / 12
+            elif name == "lens_blur":
+                wanted += np.eye(2) * p["sigma_px"] ** 2
             else:
                 wanted += np.eye(2) * pipeline.effect_named(name).spread_px(*at.T, view, p) ** 2
         assert np.abs(moved.mean(0)).max() < 1e-9
@@ -158,8 +166,10 @@ def test_a_plate_blurred_beyond_its_modules_counts_for_less():
     truth = project(view.K, view.T_cam_world, np.array([code_corners_world(p) for p in scene.plates]))
 
     def amplified(*chosen):
-        grey = grey_image(scene, view, table, pipeline.spread_moves(view, chosen))
-        features, information, measured, _ = measure_plates(grey, truth + 0.3, np.ones(2, bool), codes, FINE)
+        grey = grey_image(scene, view, table, pipeline.light_spread(view, chosen))
+        features, information, measured, _ = measure_plates(
+            grey, states_at(truth + 0.3, codes), np.ones(2, bool), codes, FINE
+        )
         return noise_amplification(grey, features, information, measured, codes)
 
     side = np.linalg.norm(truth[0, 1] - truth[0, 0])
