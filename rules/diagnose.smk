@@ -48,6 +48,8 @@ rule observe_captures:
         f"{RESULTS}/logs/observe_captures/{{camera}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/observe_captures/{{camera}}.tsv"
+    # the diagnosis is the longest way: it goes first
+    priority: 50
     conda:
         "../envs/twingap.yaml"
     params:
@@ -73,6 +75,8 @@ rule try_effect:
         f"{RESULTS}/diagnosis/{{camera}}/candidates/{{effect}}.json",
     log:
         f"{RESULTS}/logs/try_effect/{{camera}}_{{effect}}.log",
+    # the diagnosis is the longest way: it goes first
+    priority: 20
     conda:
         "../envs/twingap.yaml"
     message:
@@ -106,6 +110,8 @@ rule diagnose_camera:
         f"{RESULTS}/logs/diagnose_camera/{{camera}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/diagnose_camera/{{camera}}.tsv"
+    # the diagnosis is the longest way: it goes first
+    priority: 40
     conda:
         "../envs/twingap.yaml"
     params:

@@ -27,6 +27,8 @@ rule expand_tables:
         scene=f"{RESULTS}/expand/scene.json",
     log:
         f"{RESULTS}/logs/expand_tables.log",
+    # the diagnosis is the longest way: it goes first
+    priority: 60
     conda:
         "../envs/twingap.yaml"
     params:

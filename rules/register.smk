@@ -38,6 +38,8 @@ rule register_captures:
         f"{RESULTS}/logs/register_captures/{{camera}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/register_captures/{{camera}}.tsv"
+    # the diagnosis is the longest way: it goes first
+    priority: 60
     conda:
         "../envs/twingap.yaml"
     params:

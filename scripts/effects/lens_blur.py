@@ -10,14 +10,15 @@ from effects.base import Parameter
 from effects.filters import gaussian, gaussian_points
 
 STAGE, ORDER = "lens", 110
-FINE_PX = 0.5
+PARTS = 36
+FINE_PX = 0.5  # of the spread that is drawn by parts
 PARAMETERS = {"sigma_px": Parameter("px", 0.0, 8.0, 0.0, (0.7, 2.0), 0.15, "standard deviation of the spread")}
 
 
 def spread(xy, view, p, n):
     """Return (directions (1, 2, 2) px, shares (n, 2)) of the n parts of a point's light, everywhere alike.
 
-    No more than keeps sampled pixels from showing stripes finer than they are; ``left_to_blur`` is the rest.
+    Enough of it to keep pixels from showing stripes finer than they are as coarser ones; ``left_to_blur`` is the rest.
     """
     return min(p["sigma_px"], FINE_PX) * np.eye(2)[None], gaussian_points(n)
 

@@ -21,8 +21,8 @@ from rig.errors import InputError
 GRID_STEP_PX = 8
 DIFFERENCE_PX = 0.01
 LONGEST_STEP_PX = 100.0
-SPREAD_SAMPLES = 144  # of the pupil and of the exposure; 4 m^2
-STRIDES = (1, 29, 53, 83, 113, 137)  # orders in which effects visit their samples, so that none follows another's
+PARTS = 144  # of the light that an effect spreads, where it asks for no fewer: square and 4 m^2
+STRIDES = (1, 29, 53, 83, 113, 137)  # orders in which effects visit their parts, so that none follows another's
 SPARE_PX = 4  # what the interpolation needs beyond the last ray
 SHARED_MODULES = ("base", "encoding", "filters", "pipeline", "resampling")
 
@@ -154,17 +154,18 @@ def places_light(name):
 def light_spread(view, chosen):
     """Return what tells where the parts of a point's light land, None where nothing spreads it.
 
-    It takes image pixels (m, 2) to (directions (m, j, 2) px, shares (SPREAD_SAMPLES, j)): part k, one of equal parts, of
-    the light of point i lands shares[k] @ directions[i] beside it.
+    It takes image pixels (m, 2) to (directions (m, j, 2) px, shares (parts, j)): part k, one of equal parts, of the light
+    of point i lands shares[k] @ directions[i] beside it.
     """
     found = active(chosen, "spread")
+    parts = max((getattr(module, "PARTS", PARTS) for module, _ in found), default=0)
 
     def spread(xy):
         directions, shares = [], []
         for (module, p), stride in zip(found, itertools.cycle(STRIDES), strict=False):
-            along, share = module.spread(xy, view, p, SPREAD_SAMPLES)
+            along, share = module.spread(xy, view, p, parts)
             directions.append(np.broadcast_to(along, (len(xy), *along.shape[1:])))
-            shares.append(share[np.arange(SPREAD_SAMPLES) * stride % SPREAD_SAMPLES])
+            shares.append(share[np.arange(parts) * stride % parts])
         return np.concatenate(directions, axis=1), np.concatenate(shares, axis=1)
 
     return spread if found else None

@@ -597,19 +597,7 @@ def climb(diagnosis, first, most_steps=6, progress=None, start_with=None, taken=
         ):
             fit = diagnosis.drop(name)
             steps = [s for s in steps if s.effect != name]
-        errors = dict(zip(diagnosis.free(), np.sqrt(np.maximum(np.diag(fit.covariance), 0)), strict=True))
-        steps.append(
-            Step(
-                best.effect,
-                diagnosis.effects,
-                errors,
-                candidates,
-                confused,
-                diagnosis.base_groups,
-                diagnosis.poses,
-                group,
-            )
-        )
+        steps.append(_step(diagnosis, fit, best.effect, candidates, confused, group))
         if progress:
             progress(best.effect)
         if is_at_floor(diagnosis):
@@ -673,23 +661,47 @@ def conclude(diagnosis, first, most_steps=6, progress=None):
 
 
 def _with_flexible(diagnosis, first, start, best, excess, most_steps, progress):
-    """Return the Outcome with the warps of many waves: added to what was found, or in its place.
+    """Return the Outcome with the warps of many waves: added to what was found, or in the place of what they mimic.
 
-    A warp brings its own lens along: rigid effects named beside it must be worth their names.
+    A warp brings its own lens along: rigid effects that move points must be worth their names beside it.
     """
     flexible = [c.effect for c in first if len(c.parameters) > MANY_PARAMETERS]
-    rigid = [c for c in first if c.effect not in flexible]
     tried = [diagnosis.try_effect(e) for e in flexible if diagnosis.promise(e) >= LEAST_PROMISE]
     further = climbed(diagnosis, tried + best.left, excess, most_steps, progress, taken=best.steps)
     found = min((best, further), key=lambda o: o.share_left)
-    warps = [step.effect for step in further.steps if step.effect in flexible]
-    if best.steps and warps:
-        diagnosis.rebase(start.effects, start.poses)
-        tried = [diagnosis.try_effect(e) for e in flexible]
-        alone = climbed(diagnosis, rigid + tried, excess, most_steps, progress, warps[0])
-        if alone.verdict == "explained" and len(alone.steps) < len(found.steps):
-            return alone
+    rigid = [step.effect for step in further.steps if step.effect not in flexible and moves_points(step.effect)]
+    if rigid and any(step.effect in flexible for step in further.steps):
+        without = _retraced(diagnosis, start, further, rigid, excess)
+        if without.verdict == "explained":
+            return without
     return found
+
+
+def moves_points(effect):
+    """Return whether an effect moves points and does nothing else."""
+    return all(is_geometric((effect, key)) for key in null_of(effect))
+
+
+def _retraced(diagnosis, start, outcome, without, excess):
+    """Return the Outcome of the same steps, each refitted, without some effects."""
+    diagnosis.rebase(start.effects, start.poses)
+    steps, found = [], dict(outcome.effects)
+    for step in outcome.steps:
+        if step.effect not in without:
+            effects = diagnosis.effects + [(step.effect, found[step.effect])]
+            fit = diagnosis.set_base(effects, [(n, k) for n, p in effects for k in p if n not in diagnosis.fixed])
+            steps.append(_step(diagnosis, fit, step.effect, step.candidates, step.confused_with, step.main_group))
+    share = sum(diagnosis.excess.values()) / excess
+    verdict = verdict_of(steps, diagnosis.base_gap, diagnosis.base_gap_se, share)
+    left = rank([*outcome.left, *(diagnosis.null_candidate(name) for name in without)])
+    return Outcome(steps, left, verdict, share, diagnosis.effects, diagnosis.poses)
+
+
+def _step(diagnosis, fit, effect, candidates, confused, group):
+    """Return the Step that led to the diagnosis's base."""
+    errors = dict(zip(diagnosis.free(), np.sqrt(np.maximum(np.diag(fit.covariance), 0)), strict=True))
+    twin, seen = diagnosis.effects, diagnosis.base_groups
+    return Step(effect, twin, errors, candidates, confused, seen, diagnosis.poses, group)
 
 
 def better(outcome, other):

@@ -1,5 +1,6 @@
 """Exact coverage and the fit of the known code: what every observable stands on."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from effects import pipeline
 from effects.base import Scene, View
+from effects.filters import gaussian
 from gap.case import code_corners_world, encoding_table, mean_of_clipped
 from gap.observe import COARSE_TO_FINE, FINE, Codes, measure_plates, noise_amplification, states_at
 from gap.raster import coverage
@@ -115,7 +117,6 @@ def test_expected_levels_are_the_mean_of_clipped_ones(level):
 
 
 SPREADS = [
-    ("lens_blur", {"sigma_px": 0.5}),
     ("motion_blur", {"dx_px": 3.0, "dy_px": -1.0}),
     ("defocus", {"blur_px_per_dioptre": 1.5, "focus_m": 0.4, "softness": 0.0}),
     ("field_curvature", {"sigma_corner_px": 6.0, "softness": 1.0}),
@@ -136,6 +137,28 @@ def test_light_is_spread_as_the_image_is_blurred(effect):
     assert np.sqrt(((drawn - blurred)[inside] ** 2).mean()) < 0.45 * np.sqrt(((sharp - blurred)[inside] ** 2).mean())
 
 
+@pytest.mark.parametrize("sigma_px", [0.2, 0.6, 1.3])
+def test_a_blurred_twin_shows_no_stripes_finer_than_its_pixels(sigma_px):
+    """Blurring whole pixels keeps what sampling made of finer stripes; a blur on pixels five times finer does not."""
+    scene, view = scene_and_view()
+    prints, times = Prints(scene.plates), 5
+    K = np.array([[times, 0, (times - 1) / 2], [0, times, (times - 1) / 2], [0, 0, 1.0]]) @ view.K
+    size = {name: times * getattr(view, name) for name in ("width", "height", "margin")}
+    fine = shade(scene, replace(view, K=K, **size), *coverages(prints, replace(view, K=K, **size)))
+    fine = gaussian(fine.astype(np.float32)[..., None], times * sigma_px)[..., 0].astype(float)
+    exact = fine.reshape(fine.shape[0] // times, times, -1, times).mean((1, 3))
+    chosen, m = [("lens_blur", {"sigma_px": sigma_px})], 20
+    drawn = shade(scene, view, *coverages(prints, view, spread=pipeline.light_spread(view, chosen)))
+    drawn = pipeline.photometric(
+        drawn[..., None], replace(view, encoding="linear"), pipeline.left_to_apply(chosen), 0.0, None
+    )[..., 0]
+    sharp = shade(scene, view, *coverages(prints, view)).astype(np.float32)
+    whole = 255 * gaussian(sharp[..., None], sigma_px)[..., 0]
+    inside = np.s_[m:-m, m:-m]
+    error, error_of_whole = (np.sqrt(((image - 255 * exact)[inside] ** 2).mean()) for image in (drawn, whole))
+    assert error < 0.1 and error < 0.4 * error_of_whole
+
+
 def test_parts_of_light_fill_what_they_stand_for():
     """Parts that bunch, or that visit the exposure in step with the pupil, would spread less or more than the formula."""
     _, view = scene_and_view()
@@ -148,8 +171,6 @@ def test_parts_of_light_fill_what_they_stand_for():
             if name == "motion_blur":
                 way = np.array([p["dx_px"], p["dy_px"]])
                 wanted += np.outer(way, way) / 12
-            elif name == "lens_blur":
-                wanted += np.eye(2) * p["sigma_px"] ** 2
             else:
                 wanted += np.eye(2) * pipeline.effect_named(name).spread_px(*at.T, view, p) ** 2
         assert np.abs(moved.mean(0)).max() < 1e-9
