@@ -20,6 +20,7 @@ import numpy as np
 from mathutils import Matrix
 
 from blender.edges import edge_pixels, edge_segments, overlooked_jumps
+from effects.base import FRESNEL_RISE
 from rig.geometry import invert_pose
 from rig.plates import spread_ink
 
@@ -338,7 +339,7 @@ class Renderer:
         return _math(tree, "MULTIPLY", falloff, _value(tree, light["lamp_share"] * there))
 
     def _highlight(self, tree):
-        """Return the socket of effects.base.highlight_radiance: strength (n . h)^(2 / roughness^2), n the world's z."""
+        """Return the socket of effects.base.highlight_radiance."""
         lamp = self.scene.highlight
         geometry = tree.nodes.new("ShaderNodeNewGeometry")
         place = tree.nodes.new("ShaderNodeCombineXYZ")
@@ -350,6 +351,14 @@ class Renderer:
         tree.links.new(half, z.inputs[0])
         cosine = _math(tree, "MAXIMUM", z.outputs["Z"], _value(tree, 0.0))
         lobe = _math(tree, "POWER", cosine, _value(tree, 2 / lamp["roughness"] ** 2))
+        to_eye = tree.nodes.new("ShaderNodeVectorMath")
+        to_eye.operation = "DOT_PRODUCT"
+        tree.links.new(half, to_eye.inputs[0])
+        tree.links.new(geometry.outputs["Incoming"], to_eye.inputs[1])
+        away = _math(tree, "SUBTRACT", _value(tree, 1.0), to_eye.outputs["Value"])
+        rise = _math(tree, "POWER", _math(tree, "MAXIMUM", away, _value(tree, 0.0)), _value(tree, 5.0))
+        rise = _math(tree, "MULTIPLY", rise, _value(tree, lamp["fresnel"] * FRESNEL_RISE))
+        lobe = _math(tree, "MULTIPLY", lobe, _math(tree, "ADD", rise, _value(tree, 1.0)))
         return _math(tree, "MULTIPLY", lobe, _value(tree, lamp["strength"]))
 
 

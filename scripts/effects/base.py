@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+FRESNEL_RISE = 0.96 / 0.04  # of the reflectance of glass, from straight to grazing
 STAGES = ("scene", "lens", "shutter", "sensor", "processing")
 
 
@@ -39,7 +40,7 @@ class Scene:
     plates       list of rig.plates.Plate
     white, black, ground, background  linear radiances under the nominal light
     light        None (even), or a dict of ``light_factor``
-    highlight    None, or a dict of a glossy lamp: ``{"x_m", "y_m", "height_m", "strength", "roughness"}``
+    highlight    None, or a dict of a glossy lamp, the parameters of ``highlight_radiance``
     ink_spread_m outward move of the boundaries of black, metres
     T_cam_mount  4 x 4; the camera's true pose is ``T_cam_mount @ T_cam_world``
     """
@@ -105,7 +106,8 @@ def highlight_radiance(highlight, view, x, y):
     """Return the radiance that a glossy lamp adds to a plate at ground points x, y (metres, any shape).
 
     Blinn-Phong about the plate's normal (Blinn 1977): strength * max(n.h, 0)^(2 / roughness^2), h halfway between
-    the directions to the lamp (x_m, y_m, height_m) and to the camera; n is the world's z.
+    the directions to the lamp (x_m, y_m, height_m) and to the camera e; n is the world's z. With a share ``fresnel`` of
+    Schlick's rise towards grazing light (1994), over glass's reflectance 0.04: times 1 + fresnel (0.96 / 0.04) (1 - h.e)^5.
     """
     R, t = view.T_cam_world[:3, :3], view.T_cam_world[:3, 3]
     half_x, half_y, half_z = 0.0, 0.0, 0.0
@@ -113,8 +115,10 @@ def highlight_radiance(highlight, view, x, y):
         dx, dy = px - x, py - y
         distance = np.sqrt(dx * dx + dy * dy + pz * pz)
         half_x, half_y, half_z = half_x + dx / distance, half_y + dy / distance, half_z + pz / distance
-    cosine = half_z / np.sqrt(half_x * half_x + half_y * half_y + half_z * half_z)
-    return highlight["strength"] * np.maximum(cosine, 0) ** (2 / highlight["roughness"] ** 2)
+    length = np.sqrt(half_x * half_x + half_y * half_y + half_z * half_z)
+    lobe = np.maximum(half_z / length, 0) ** (2 / highlight["roughness"] ** 2)
+    grazing = 1 + highlight["fresnel"] * FRESNEL_RISE * (1 - length / 2) ** 5
+    return highlight["strength"] * lobe * grazing
 
 
 def inverse_depth(x, y, view):

@@ -647,7 +647,7 @@ def small_step(parameter):
 def image_step(parameter, value):
     """Return a step for derivatives by images: large enough to rise above filters' rounding, inside the bounds."""
     s = spec(parameter)
-    h = max(s.matters, 0.02 * abs(value))
+    h = max(s.matters, 0.02 * abs(value - s.null))
     return h if value + h <= s.upper else -h
 
 

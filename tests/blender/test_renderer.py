@@ -114,7 +114,7 @@ def ground_points(T):
 
 def test_light_and_highlight_follow_their_formulas(render):
     """Were Blender's shading another than effects.base says, the fit's fast shading would be fitted to a fiction."""
-    lamp = {"x_m": 0.1, "y_m": 1.0, "height_m": 1.2, "strength": 0.4, "roughness": 0.25}
+    lamp = {"x_m": 0.1, "y_m": 1.0, "height_m": 1.2, "strength": 0.4, "roughness": 0.25, "fresnel": 0.8}
     light = {"gradient_x": 0.3, "gradient_y": -0.2}
     light |= {"lamp_share": 0.3, "lamp_x_m": -0.6, "lamp_y_m": 0.3, "lamp_height_m": 1.6}
     T = station_pose(0.4, 60)  # no horizon

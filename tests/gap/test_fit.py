@@ -1,8 +1,10 @@
 """The normal equations of a fit: what poses can explain, parameters must not."""
 
 import numpy as np
+import pytest
 
-from gap.fit import NU, response, rounding_variance, without_pose
+from effects import pipeline
+from gap.fit import NU, image_step, response, rounding_variance, without_pose
 
 
 def residuals_and_derivatives():
@@ -29,3 +31,10 @@ def test_rounding_errs_where_no_noise_carries_levels_across():
         assert rounding_variance(variance) >= 0.5 * simulated[sd] - 1e-4
     assert rounding_variance(0.0) == 1 / 12
     assert rounding_variance(1.0) < 1e-12
+
+
+def test_steps_of_derivatives_are_near_what_matters_of_every_parameter():
+    """Two hundredths of a ratio are ten pixels at the edge: a fit of colour fringes would stop half way."""
+    for name, module in pipeline.available_effects().items():
+        for key, p in module.PARAMETERS.items():
+            assert abs(image_step((name, key), p.null)) == pytest.approx(p.matters)
