@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from rig.words import LADDER, with_error
+from rig.words import LADDER, gap_along, with_error
 
 MOST_CANDIDATES = 12
 EXAMPLES = {"real": "real", "configured": "twin as configured", "explained": "twin with what was found"}
@@ -100,8 +100,8 @@ def words(diagnosis):
         lines.append(f"A gap of {diagnosis['gap']:.2f} floors is left that no candidate closes.")
     places = [w for w in diagnosis["where"] if w["share"] > 0.1][:3]
     if places:
-        told = "; ".join(f"{w['observable']} by {w['covariate']} ({100 * w['share']:.0f} %)" for w in places)
-        lines.append(f"Of the gap, this much follows one covariate on captures never fitted: {told}.")
+        told = "; ".join(f"{gap_along(w)} ({100 * w['share']:.0f} %)" for w in places)
+        lines.append(f"Of the gap as configured, this much is foretold on captures never fitted: {told}.")
     station = diagnosis.get("suggested_station")
     if station:
         pair = " from ".join(station["tells_apart"])
@@ -166,13 +166,11 @@ def candidates_figure(diagnosis):
 
 
 def where_figure(diagnosis):
-    """Return a figure: shares of the gap that one covariate explains on held-out captures."""
+    """Return a figure: shares of the gap that one covariate, or one value for all, foretells on held-out captures."""
     rows = diagnosis["where"][:8][::-1]
     fig, axis = plt.subplots(figsize=(figures.WIDTH_IN, 2.6))
-    axis.barh(
-        [f"{r['observable']} by {r['covariate']}" for r in rows], [100 * r["share"] for r in rows], color=figures.GREEN
-    )
+    axis.barh([gap_along(r) for r in rows], [100 * r["share"] for r in rows], color=figures.GREEN)
     axis.set_xlim(0, 100)
-    axis.set_xlabel("share of the gap explained, %")
-    axis.set_title(f"{diagnosis['camera']}: what does the gap follow?")
+    axis.set_xlabel("share of the gap foretold, %")
+    fig.suptitle(f"{diagnosis['camera']}: what does the gap follow?", fontsize=11)
     return fig

@@ -13,6 +13,9 @@ COVARIATES = (
     "level_dn", "trial",
 )  # fmt: skip
 BINS = 5
+EVERYWHERE = "everywhere"
+ADDS = 0.05  # share that a covariate must explain beyond what is alike everywhere
+MOST_PER_OBSERVABLE = 2
 
 
 def plate_gaps(case, effects, poses, predictions):
@@ -81,8 +84,9 @@ EXPLAINED = {
 def explained_shares(table, train_captures):
     """Return [{"observable", "group", "covariate", "share"}], largest share first.
 
-    Out of sample: means in bins of the covariate are learned on the training captures and predict the others;
-    the share is one minus the ratio of the residual's to the gap's mean square about zero (at least 0).
+    Out of sample: means in bins of the covariate are learned on the training captures and predict the others; the share
+    is one minus the ratio of the residual's to the gap's mean square about zero. ``EVERYWHERE`` is one bin of all; of the
+    others, those two that explain most are named, where they explain more than it.
     """
     rows = []
     if table.empty:
@@ -93,26 +97,29 @@ def explained_shares(table, train_captures):
     for group, observables in EXPLAINED.items():
         for observable in observables:
             gap = table[observable].clip(*table[observable].quantile([0.01, 0.99]))
-            before = float((gap[~train] ** 2).mean())
-            if before <= 0:
-                continue
-            for covariate in COVARIATES:
-                edges = np.unique(table[covariate].quantile(np.linspace(0, 1, BINS + 1)))
-                if len(edges) < 3:
-                    edges = np.unique(table[covariate])
-                bins = np.clip(np.digitize(table[covariate], edges[1:-1]), 0, None)
-                means = gap[train].groupby(bins[train]).mean()
-                predicted = pd.Series(bins[~train]).map(means).fillna(0).to_numpy()
-                after = float(((gap[~train].to_numpy() - predicted) ** 2).mean())
-                rows.append(
-                    {
-                        "observable": observable,
-                        "group": group,
-                        "covariate": covariate,
-                        "share": round(max(0.0, 1 - after / before), 4),
-                    }
-                )
+            everywhere = _share(gap, pd.Series(0, index=gap.index), train)
+            shares = {name: _share(gap, _bins(table[name]), train) for name in COVARIATES}
+            best = sorted((n for n in COVARIATES if shares[n] > everywhere + ADDS), key=lambda n: (-shares[n], n))
+            for covariate, share in [(EVERYWHERE, everywhere), *((n, shares[n]) for n in best[:MOST_PER_OBSERVABLE])]:
+                if share > 0:
+                    entry = {"observable": observable, "group": group, "covariate": covariate, "share": round(share, 4)}
+                    rows.append(entry)
     return sorted(rows, key=lambda r: (-r["share"], r["observable"], r["covariate"]))
+
+
+def _bins(covariate):
+    """Return the bin (n,) of each value of a covariate: fifths, or the values themselves where there are few."""
+    edges = np.unique(covariate.quantile(np.linspace(0, 1, BINS + 1)))
+    if len(edges) < 3:
+        edges = np.unique(covariate)
+    return pd.Series(np.clip(np.digitize(covariate, edges[1:-1]), 0, None), index=covariate.index)
+
+
+def _share(gap, bins, train):
+    """Return the share of the held-out gap (n,) that its training means in bins predict, 0 to 1."""
+    before = float((gap[~train] ** 2).mean())
+    predicted = bins[~train].map(gap[train].groupby(bins[train]).mean()).fillna(0)
+    return max(0.0, 1 - float(((gap[~train] - predicted) ** 2).mean()) / before) if before > 0 else 0.0
 
 
 def field_gaps(case, predictions):

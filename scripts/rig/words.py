@@ -21,3 +21,10 @@ def with_error(value, error):
         return f"{value:.4g}"
     places = max(0, 1 - math.floor(math.log10(error)))
     return f"{value:.{places}f} ± {error:.{places}f}"
+
+
+def gap_along(place):
+    """Return the words of an entry of a verdict's ``where``: an observable, and what its gap follows."""
+    if place["covariate"] == "everywhere":
+        return f"{place['observable']}, alike everywhere"
+    return f"{place['observable']} by {place['covariate']}"
