@@ -37,6 +37,8 @@ GROUPS = ("corners", "levels", "edges", "colour", "field", "noise", "pose")
 STILL_FAR = 0.1  # share of its loss above which a step says that the next one gains as well
 PREDICTIONS_KEPT = 4000  # some 20 kB each
 OLDEST_DERIVATIVES = 3  # steps that derivatives serve: they cost a prediction a parameter
+POSE_STEPS = 25  # at most: a mount that was found askew turns held-out cameras by a degree
+DRAWN_AGAIN, NEAR_PX = 3, 0.05  # times that held-out images are drawn, move of corners that is followed without
 POSE_STEP = np.array([1e-5] * 3 + [1e-5] * 3)
 
 
@@ -398,7 +400,6 @@ class Fitter:
             if age >= OLDEST_DERIVATIVES:
                 derivatives, age = self.derivatives(effects, free, poses, groups, train), 0
             H, g, blocks = self.normal_equations(derivatives, groups, nu, prior_equations(effects, free))
-            covariance = np.linalg.pinv(H + np.diag(np.full(len(free), 1e-12))) if free else covariance
             accepted = False
             for _ in range(1 if age else 4):
                 d = np.linalg.solve(H + np.diag(np.diag(H) * damping + 1e-12), g) if free else np.zeros(0)
@@ -438,7 +439,9 @@ class Fitter:
             if gain < STILL_FAR * loss:  # a robust loss hides what is far: come near before narrowing
                 width = max(1.0, width / 3)
         if free:
-            covariance = self.widened(covariance, derivatives, groups)
+            derivatives = self.with_exact_columns(derivatives, effects, free, poses, groups)
+            H, _, _ = self.normal_equations(derivatives, groups, NU, prior_equations(effects, free))
+            covariance = self.widened(np.linalg.pinv(H + np.diag(np.full(len(free), 1e-12))), derivatives, groups)
         return Fit(State(effects, poses, offsets), total(groups, NU), covariance, converged)
 
     def derivatives(self, effects, free, poses, groups, train, step_of=None):
@@ -451,6 +454,20 @@ class Fitter:
         for i in train:
             columns = [self._column(i, effects, f, poses[i], groups[i], step_of) for f in free]
             Jt = np.stack(columns, axis=1) if columns else np.zeros((len(flatten(groups[i])), 0))
+            out[i] = Jt, self.pose_columns(i, effects, poses[i], groups[i])
+        return out
+
+    def with_exact_columns(self, derivatives, effects, free, poses, groups):
+        """Return derivatives whose columns of point maps, which cost no image, are those of the fitted twin.
+
+        A mount and the poses nearly cancel: columns that were led along (``updated``) would leave errors of any size.
+        """
+        out = {}
+        for i, (Jt, _) in derivatives.items():
+            Jt = Jt.copy()
+            for k, f in enumerate(free):
+                if is_geometric(f):
+                    Jt[:, k] = self._column(i, effects, f, poses[i], groups[i], image_step)
             out[i] = Jt, self.pose_columns(i, effects, poses[i], groups[i])
         return out
 
@@ -532,19 +549,32 @@ class Fitter:
     # -- scoring --------------------------------------------------------------------------------------------------
 
     def score(self, effects, poses, indices):
-        """Fit only the poses of the given captures, then return (poses, {i: groups}) of residuals there."""
+        """Fit only the poses of the given captures, then return (poses, {i: groups}) of residuals there.
+
+        Images are drawn again while poses move by more than their corners can be led on to.
+        """
         offsets = [np.zeros((len(self.case.codes.half_code), 8)) for _ in self.case.captures]
-        _, poses = self.fit_geometry(effects, [], poses, offsets, indices, scale=8.0, iterations=7)
-        predictions, offsets = self.start(effects, poses, indices)
-        _, better = self.fit_geometry(effects, [], poses, offsets, indices, iterations=2)
+        _, poses = self.fit_geometry(effects, [], poses, offsets, indices, scale=8.0, iterations=POSE_STEPS)
+        for _ in range(DRAWN_AGAIN):
+            predictions, offsets = self.start(effects, poses, indices)
+            _, better = self.fit_geometry(effects, [], poses, offsets, indices, scale=8.0, iterations=POSE_STEPS)
+            shifts = {i: self._corner_shift(i, effects, poses[i], better[i]) for i in indices}
+            seen = [np.abs(shift[self.whiteners[i].plates]).max(initial=0.0) for i, shift in shifts.items()]
+            if max(seen, default=0.0) < NEAR_PX:
+                break
+            poses = better
         out = {}
         for i in indices:
-            shift = self.case.corners_of(self.case.captures[i], effects, better[i])
-            shift = (shift - self.case.corners_of(self.case.captures[i], effects, poses[i])).reshape(-1, 8)
             features = predictions[i].features.copy()
-            features[:, :8] += np.nan_to_num(shift)
+            features[:, :8] += shifts[i]
             out[i] = self.residual_vector(i, better[i], replace(predictions[i], features=features))
         return better, out
+
+    def _corner_shift(self, i, effects, start, end):
+        """Return how far the twin's corners (p, 8) move from one pose of capture i to another, pixels."""
+        moved = self.case.corners_of(self.case.captures[i], effects, end)
+        shift = (moved - self.case.corners_of(self.case.captures[i], effects, start)).reshape(-1, 8)
+        return np.nan_to_num(shift)
 
 
 def without_pose(y, Jt, Jp, nu):

@@ -123,3 +123,39 @@ def test_a_glossy_lamp_is_seen_from_afar(tmp_path):
     promises = diagnosis.promises()
     assert max(promises, key=promises.get) == "specular_highlight"
     assert diagnosis.try_effect("specular_highlight").gap < 0.6 * diagnosis.base_gap
+
+
+@pytest.fixture(scope="module")
+def smeared(tmp_path_factory):
+    """A diagnosis of a camera that was smeared and looks askew, its smear in the base."""
+    case, truth = generated_case(tmp_path_factory.mktemp("smeared"), "single", "motion_blur")
+    diagnosis = Diagnosis(case, CANDIDATES)
+    diagnosis.set_base([])
+    diagnosis.adopt(diagnosis.try_effect("motion_blur"))
+    return diagnosis
+
+
+def test_held_out_captures_are_scored_at_their_poses_wherever_the_mount_turned_them(smeared):
+    """A candidate that turns the camera leaves held-out captures far off: scored before they came back, it would lose."""
+    mount = {
+        "turn_x_deg": 0.1,
+        "turn_y_deg": -1.2,
+        "turn_z_deg": 0.1,
+        "step_x_m": -0.004,
+        "step_y_m": 0.0,
+        "step_z_m": -0.013,
+    }
+    effects = smeared.effects + [("camera_pose_offset", mount)]
+    _, turned = smeared.fitter.score(effects, smeared.poses, smeared.test)
+    before, after = (
+        sum(np.square(groups[i]["corners"]).sum() for i in smeared.test) for groups in (smeared.base_groups, turned)
+    )
+    assert after < 1.1 * before
+
+
+def test_a_mount_is_known_as_well_as_the_poses_of_all_captures_tell(smeared):
+    """Mount and poses nearly cancel: derivatives that are led along from step to step would make its error any size."""
+    candidate = smeared.try_effect("camera_pose_offset")
+    known = np.degrees(smeared.case.sigma_pose[:3]) / np.sqrt(len(smeared.train))
+    errors = np.array([candidate.errors[f"turn_{axis}_deg"] for axis in "xyz"])
+    np.testing.assert_allclose(errors, known, rtol=0.4)
