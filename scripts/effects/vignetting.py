@@ -12,8 +12,8 @@ from effects.filters import pixel_grid, squared_radius
 STAGE, ORDER = "lens", 140
 PARAMETERS = {
     "a2": Parameter("1", -0.5, 1.0, 0.0, (0.0,), 0.01, "loss of light, quadratic part, at the corner"),
-    "a4": Parameter("1", -1.5, 1.0, 0.0, (0.0,), 0.01, "loss of light, fourth-order part, at the corner"),
-    "a6": Parameter("1", -1.0, 1.0, 0.0, (0.0,), 0.01, "loss of light, sixth-order part, at the corner", 0.3),
+    "a4": Parameter("1", -1.5, 1.0, 0.0, (0.0,), 0.03, "loss of light, fourth-order part, at the corner"),
+    "a6": Parameter("1", -1.0, 1.0, 0.0, (0.0,), 0.05, "loss of light, sixth-order part, at the corner", 0.3),
 }
 
 
