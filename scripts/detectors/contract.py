@@ -6,6 +6,7 @@ Names that begin with ``_`` and this file are no detectors.
 """
 
 import importlib
+import math
 import pkgutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -121,17 +122,15 @@ def estimate_poses(corners, code_m, K, dist=None):
     corners = np.asarray(corners, float).reshape(4, 1, 2)
     if not (np.isfinite(corners).all() and code_m > 0):
         return []
-    square = marker_corners_plate(code_m)
     try:
-        n, rvecs, tvecs, _ = cv2.solvePnPGeneric(
-            square, corners, np.asarray(K, float), dist, flags=cv2.SOLVEPNP_IPPE_SQUARE
+        n, rvecs, tvecs, errors = cv2.solvePnPGeneric(
+            marker_corners_plate(code_m), corners, np.asarray(K, float), dist, flags=cv2.SOLVEPNP_IPPE_SQUARE
         )
     except cv2.error:
         return []
     poses = []
-    for rvec, tvec in zip(rvecs[:n], tvecs[:n], strict=True):
-        back = cv2.projectPoints(square, rvec, tvec, np.asarray(K, float), dist)[0]
-        rms = float(np.sqrt(np.mean(np.sum((back - corners) ** 2, axis=2))))
-        if np.isfinite(rms) and tvec[2, 0] > 0:
+    for rvec, tvec, error in zip(rvecs, tvecs, errors, strict=True) if n else ():
+        rms = math.sqrt(2) * float(error[0])  # OpenCV's is that of one coordinate
+        if math.isfinite(rms) and tvec[2, 0] > 0:
             poses.append((rvec.ravel(), tvec.ravel(), rms))
     return sorted(poses, key=lambda pose: pose[2])

@@ -1,6 +1,7 @@
 """BART on sequences: motion, occlusion, budget, flips, and frames that are not as they should be."""
 
 import threading
+import time
 
 import cv2
 import numpy as np
@@ -151,3 +152,46 @@ def test_the_filter_follows_a_sudden_move_at_once():
         follower.update(seen_poses(T, rng, 0.08))
         lag.append(abs(follower.pose()[1][0] - T[0, 3]))
     assert max(lag[30:]) < 0.002
+
+
+@pytest.mark.parametrize("asynchronous", [False, True])
+def test_a_search_that_a_budget_cuts_off_goes_on_and_finds_everything(asynchronous, monkeypatch):
+    """Wrong if a search began anew at each frame (or its result was lost): far markers would never be found."""
+    images, truth = moving(1, markers=6)
+    tracker = Tracker(asynchronous=asynchronous, budget_ms=1000.0)
+    steps = []
+
+    def two_steps(start):
+        steps.append(1)
+        return 1.0 if len(steps) % 3 else 0.0
+
+    if not asynchronous:
+        monkeypatch.setattr(tracker, "_left", two_steps)  # a budget that ends after two looks at the clock
+    frames = []
+    for _ in range(60):
+        frames.append(tracker.update(images[0]))
+        if asynchronous:
+            time.sleep(0.02)
+    assert asynchronous or any(frame.partial for frame in frames)
+    seen = {(m.dictionary, m.id) for frame in frames for m in frame.markers if m.seen}
+    assert seen == {(m.dictionary, m.id) for m in truth}
+
+
+def test_markers_take_turns_where_the_budget_is_too_small_for_all(monkeypatch):
+    """Wrong if the first in the list were always looked for first: the last would be lost, though in plain sight."""
+    images, truth = moving(1, markers=6)
+    tracker = Tracker(full_every=10**6, search_after_sides=None)
+    tracker.update(images[0])
+    looks = []
+
+    def for_two(start):
+        looks.append(1)
+        return 1.0 if len(looks) <= 3 else 0.0  # the batch, two markers
+
+    monkeypatch.setattr(tracker, "_left", for_two)
+    counts = dict.fromkeys([(m.dictionary, m.id) for m in truth], 0)
+    for _ in range(9):
+        looks.clear()
+        for m in tracker.update(images[0]).markers:
+            counts[m.dictionary, m.id] += m.seen
+    assert set(counts.values()) == {3}

@@ -66,6 +66,7 @@ LARGEST_MISFIT = 0.13  # contrasts, RMS over all cells: more, and no code explai
 LEAST_LEAD = 1.35  # misfit of the next code over that of the best: less, and either may be meant
 LEAST_MODULE_PX = 5.0  # modules from which the spread of white is measured: smaller ones have no flat inside
 SPREAD_MARKERS = 4  # so many of the largest are enough: each tells the spread to a few thousandths of a pixel
+READ_AT_ONCE = 32  # quads between two looks at the clock
 OTHER_LIGHT_PX = 0.15  # a spread that no sRGB image with ink on paper shows: tried again as linear light
 
 
@@ -120,15 +121,17 @@ def read_quads(image, grey, light, quads, size, words, owner, wrong_bits, least_
             entry, misfit, worst, lead = read_blurred(
                 image, light, quads[k], size, words, owner, levels, plane, margins
             )
+            # Edges of cells as small as these are not to be trusted; slivers have two long sides, which are.
+            tiny = module <= BLURRED_MODULE_PX and max(*cell_size(quads[k], size + 2)) <= SMALL_MODULE_PX
             if worked:
                 other = read_blurred(image, light, refined, size, words, owner, levels, plane, margins)
                 if other[1] < misfit:
                     entry, misfit, worst, lead = other
-                elif module <= BLURRED_MODULE_PX:
-                    refined[:] = quads[k]  # edges of cells as small as these are not to be trusted
+                elif tiny:
+                    refined[:] = quads[k]
             if misfit > LARGEST_MISFIT or worst > LARGEST_MISS or lead < LEAST_LEAD:
                 entry = NO_CODE
-            elif entry != NO_CODE and exact and module <= BLURRED_MODULE_PX:
+            elif entry != NO_CODE and exact and tiny:
                 fit_small(image, light, refined, size, words[entry])
                 fitted[m] = entry - owner[entry, 2]
         if entry == NO_CODE:
@@ -163,6 +166,11 @@ class Bart:
 
     def search(self, grey):
         """Return the readable quads of an image, as a list of dicts: corners, name, id, wrong, contrast, size, code."""
+        *_, found = self.search_in_steps(grey)
+        return found
+
+    def search_in_steps(self, grey):
+        """Yield what a search has found so far after each step of a millisecond or so, at last all (see search)."""
         level = 0
         if self.p["multi_scale"]:
             while grey.size >> (2 * level) > 1e6 * self.p["coarse_mpx"]:
@@ -170,23 +178,21 @@ class Bart:
         pyramid = [grey]
         for _ in range(level):
             pyramid.append(_halved(pyramid[-1]))
-        found, boxes = self._search_whole(grey, pyramid[-1], level)
-        if self.p["multi_scale"]:
-            found += self._search_finer(grey, pyramid, boxes, found)
-        return _best_of_each(found)
-
-    def _search_whole(self, grey, small, level):
-        """Return (findings, boxes int32 (m, 4) in pixels of ``small``) of one level of the pyramid."""
         found, boxes = [], []
         for method in ("mean", "otsu"):
             if self.p["threshold"] in (method, "both"):
-                quads, rest = self._quads(small, method)
-                found += self.read(grey, _to_full(quads, level))
+                quads, rest = self._quads(pyramid[-1], method)
                 boxes.append(rest)
-        return found, np.concatenate(boxes)
+                yield _best_of_each(found)
+                for some in _batches(_to_full(quads, level)):
+                    found += self.read(grey, some)
+                    yield _best_of_each(found)
+        if self.p["multi_scale"]:
+            for more in self._search_finer(grey, pyramid, np.concatenate(boxes), list(found)):
+                yield _best_of_each(found + more)
 
     def _search_finer(self, grey, pyramid, boxes, found):
-        """Look again where a small region was not read: one level finer each time, in the end twice magnified."""
+        """Yield what is found where a small region was not read: one level finer each time, in the end magnified."""
         more = []
         coarse = len(pyramid) - 1
         for level in range(coarse, max(coarse - self.p["finer_levels"], -1), -1):
@@ -199,9 +205,11 @@ class Bart:
                 np.float32(self.p["offset_dn"]),
                 self.p["contrast_dn"],
             )
-            more += self.read(grey, _to_full(quads, max(level - 1, 0)))
+            yield more
+            for some in _batches(_to_full(quads, max(level - 1, 0))):
+                more += self.read(grey, some)
+                yield more
             boxes = rest
-        return more
 
     def _dark(self, small, method):
         """Return the binary image of what is dark, with a border of zeros and rows of whole words."""
@@ -287,11 +295,11 @@ class Bart:
         light, spread = light_and_spread or (self.light, 0.0)
         detections = []
         for f in found:
-            corners = f["corners"]
-            if light is not self.light and f["code"] is not None:
-                fit_small(grey, light, corners, f["size"], f["code"])
-            elif light is not self.light:
+            corners = f["corners"].copy()
+            if light is not self.light:
                 refine_quad(grey, light, corners.copy(), f["size"], 2, corners)
+                if f["code"] is not None:
+                    fit_small(grey, light, corners, f["size"], f["code"])
             if spread:
                 move_sides(corners, spread)
             detections.append(Detection(f["name"], f["id"], corners))
@@ -306,6 +314,11 @@ def _halved(grey):
 def _to_full(points, level):
     """Return points of a pyramid level in pixels of the image; a pixel there lies amid those that it is the mean of."""
     return (points + 0.5) * 2**level - 0.5
+
+
+def _batches(quads):
+    """Return the quads in parts that are read in about a millisecond."""
+    return [quads[k : k + READ_AT_ONCE] for k in range(0, len(quads), READ_AT_ONCE)]
 
 
 def _not_inside(boxes, found):

@@ -33,15 +33,29 @@ def small_turn(R):
 
 
 @njit(cache=True, nogil=True)
-def move_state(x, P, R, dt, acceleration, turning):
-    """Return (x, P, R) after ``dt`` seconds at constant speeds, with white noise of these accelerations."""
+def unrest(drift, power):
+    """Return how much of the assumed accelerations the marker seems to make use of, one of SHARES or between.
+
+    drift, power  decaying means of innovations (6,) and of their squares: while the marker moves as expected,
+                  innovations are noise and cancel; when the filter lags they point one way
+    """
+    if power == 0:
+        return 1.0
+    lag = (drift @ drift) / power
+    return np.exp(np.interp(lag, np.array(LAGS), np.log(np.array(SHARES))))
+
+
+@njit(cache=True, nogil=True)
+def move_state(x, P, R, drift, power, dt, acceleration, turning):
+    """Return (x, P, R) after ``dt`` seconds at constant speeds, with white noise of unrest's share of accelerations."""
+    share = unrest(drift, power)
     x = x.copy()
     x[:3] += dt * x[6:9]
     F = np.eye(12)
     Q = np.zeros((12, 12))
     for k in range(6):
         F[k, k + 6] = dt
-        q = (acceleration if k < 3 else turning) ** 2
+        q = (share * (acceleration if k < 3 else turning)) ** 2
         Q[k, k] = q * dt**4 / 4
         Q[k, k + 6] = Q[k + 6, k] = q * dt**3 / 2
         Q[k + 6, k + 6] = q * dt**2
@@ -89,6 +103,17 @@ def settle(x, P):
     keep = np.eye(12)
     keep[:, 6:] -= gain
     return x, keep @ P @ keep.T + gain @ none @ gain.T
+
+
+@njit(cache=True, nogil=True)
+def follow_pose(x, P, R, drift, power, t_seen, R_seen, covariance):
+    """Return (x, P, R, drift, power) after a measured pose (see take_in_pose, unrest, settle)."""
+    x, P, R, innovation = take_in_pose(x, P, R, t_seen, R_seen, covariance)
+    drift = MEMORY * drift + (1 - MEMORY) * innovation
+    power = MEMORY * power + (1 - MEMORY) * (innovation @ innovation)
+    if drift @ drift <= LAGS[0] * power:
+        x, P = settle(x, P)
+    return x, P, R, drift, power
 
 
 @njit(cache=True, nogil=True)
@@ -142,23 +167,13 @@ class PoseFilter:
         for _ in range(2):
             trial.predict(0.1)
             trial.update([(np.zeros(3), np.array([0.0, 0.0, 5.0]), 0.0)])
+        trial.carry(np.eye(3), np.ones(3), np.eye(3), np.zeros(3), 0.1)
 
     def predict(self, dt):
         """Move the state on by ``dt`` seconds."""
         if self.x is not None:
-            share = self.unrest()
-            accelerations = share * self.acceleration, share * self.turning
-            self.x, self.P, self.R = move_state(self.x, self.P, self.R, dt, *accelerations)
-
-    def unrest(self):
-        """Return how much of the assumed accelerations the marker seems to make use of, one of SHARES or between.
-
-        While it moves as expected, innovations are noise and cancel; when the filter lags they point one way.
-        """
-        if self.power == 0:
-            return 1.0
-        lag = float(self.drift @ self.drift) / self.power
-        return float(np.exp(np.interp(lag, LAGS, np.log(SHARES))))
+            state = self.x, self.P, self.R, self.drift, self.power
+            self.x, self.P, self.R = move_state(*state, dt, self.acceleration, self.turning)
 
     def update(self, poses, smooth=True):
         """Take in the poses (rvec, tvec, reprojection RMS) of a frame, one or two; not ``smooth``: as measured."""
@@ -167,11 +182,8 @@ class PoseFilter:
         R, t = rotations[pick], poses[pick][1]
         covariance = pose_covariance(self.square, R, t, self.K[0, 0], self.K[1, 1], self.noise)
         if self.x is not None and smooth and not self.turned:
-            self.x, self.P, self.R, innovation = take_in_pose(self.x, self.P, self.R, t, R, covariance)
-            self.drift = MEMORY * self.drift + (1 - MEMORY) * innovation
-            self.power = MEMORY * self.power + (1 - MEMORY) * float(innovation @ innovation)
-            if self.drift @ self.drift <= LAGS[0] * self.power:
-                self.x, self.P = settle(self.x, self.P)
+            state = self.x, self.P, self.R, self.drift, self.power
+            self.x, self.P, self.R, self.drift, self.power = follow_pose(*state, t, R, covariance)
             return
         speed = np.zeros(6) if self.x is None else np.append(self.x[6:9], [0, 0, 0])
         self.x, self.R = np.concatenate([t, np.zeros(3), speed]), R
@@ -188,7 +200,7 @@ class PoseFilter:
         if not self.branches:
             self.branches = [[R, e**2] for R, e in zip(rotations, errors, strict=True)]
             return 0
-        turn = [float((self.branches[0][0] * R).sum()) for R in rotations]  # trace: 1 + 2 cos
+        turn = [np.vdot(self.branches[0][0], R) for R in rotations]  # trace: 1 + 2 cos
         first = int(np.argmax(turn))  # the pose nearest to the branch taken so far
         branches = [[rotations[first], 0.9 * self.branches[0][1] + errors[first] ** 2]]
         if len(rotations) == 2:

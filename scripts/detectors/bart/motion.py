@@ -2,10 +2,22 @@
 
 import cv2
 import numpy as np
+from numba import njit
 
 STRAY_PX = 2.0  # RMS of a marker's corners: more, and it does not move with the others
 STRAY_SHARE = 0.3  # of the others' speed: as much may a marker differ and still go with them
 LEAST_MARKERS = 2  # one marker's tilt is too uncertain to tell where another has gone
+
+
+@njit(cache=True, nogil=True)
+def sides_moved(corners, speed, dt):
+    """Return by how many of its mean sides a marker moves in ``dt``; corners (4, 2) pixels, their speeds a second."""
+    around = 0.0
+    for k in range(4):
+        j = (k + 1) % 4
+        around += np.sqrt((corners[j, 0] - corners[k, 0]) ** 2 + (corners[j, 1] - corners[k, 1]) ** 2)
+    vx, vy = speed[:, 0].mean(), speed[:, 1].mean()
+    return dt * np.sqrt(vx**2 + vy**2) / max(around / 4, 1.0)
 
 
 def points_at(corners, depth, K, dist):

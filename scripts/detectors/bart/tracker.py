@@ -5,6 +5,7 @@ A Tracker belongs to one camera and one thread; two trackers in two threads do n
 
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import cv2
@@ -12,7 +13,7 @@ import numpy as np
 
 from detectors.bart import PARAMETERS, make_detector
 from detectors.bart.filter import PoseFilter
-from detectors.bart.motion import LEAST_MARKERS, goes_along, points_at, project, rigid_motion
+from detectors.bart.motion import LEAST_MARKERS, goes_along, points_at, project, rigid_motion, sides_moved
 from detectors.contract import DEFAULT_DICTIONARIES, Detection, estimate_poses, grey_image
 
 TRACKER_PARAMETERS = {
@@ -26,7 +27,8 @@ TRACKER_PARAMETERS = {
     # Search the whole frame sooner once what is followed has moved by so many sides of a marker: fewer find what comes
     # into view sooner and cost time while the camera turns. None: only ``full_every`` counts.
     "search_after_sides": 0.5,
-    # Milliseconds a frame may take; what is not done by then is left and said (``partial``). None: no limit.
+    # Milliseconds a frame may take; what is not done by then is left and said (``partial``). None: no limit. A search
+    # of the whole frame goes on in the frames after: the smaller, the later new markers appear.
     "budget_ms": None,
     # Frames that a marker is carried on without being seen: more bridges longer occlusions and reports markers
     # longer that have left. 0 reports only what is seen.
@@ -90,6 +92,7 @@ class _Track:
         self.seen = seen  # in the present frame
         self.confirmed = seen  # False while found in an older frame only
         self.missed = 0  # frames since it was seen
+        self.looked_for = -1  # the last frame in which there was time to
         self.unseen_s = 0.0
         self.filter = pose_filter
         self.poses = []
@@ -136,6 +139,27 @@ class _Track:
         self.poses = []
 
 
+class _Search:
+    """A search of one whole image that can stop between its steps; ``frame``: the number of the image."""
+
+    def __init__(self, bart, image, frame):
+        self.bart, self.image, self.frame = bart, image, frame
+        self.steps, self.found = bart.search_in_steps(image), []
+
+    def step(self):
+        """Go on by a step; return whether that was one."""
+        found = next(self.steps, None)
+        if found is None:
+            return False
+        self.found = found
+        return True
+
+    def result(self):
+        """Return (light, detections) of what was found so far."""
+        light = self.bart.light_of(self.image, self.found)
+        return light, self.bart.finish(self.image, self.found, light)
+
+
 class Tracker:
     """Follows the markers of one camera through a sequence.
 
@@ -157,9 +181,14 @@ class Tracker:
             raise ValueError(f"budget_ms is not negative, not {self.p['budget_ms']}")
         self.bart = make_detector(tuple(dictionaries), **{k: v for k, v in parameters.items() if k in PARAMETERS})
         self.K, self.dist, self.code_m, self.fps = K, dist, code_m, fps
+        sides_moved(np.ones((4, 2)), np.ones((4, 2)), 1.0)  # compiles
         if K is not None:
             PoseFilter.compile()
-        self.search_ms = 0.0  # what a search of the whole frame took lately
+        self.between_frames = threading.Event()  # set while no frame waits for its result
+        self.worker = self.copy = None
+        if self.p["asynchronous"]:
+            self.worker = ThreadPoolExecutor(max_workers=1)
+            self.worker.submit(time.perf_counter).result()  # starts the thread, which takes milliseconds
         self.reset()
 
     def reset(self):
@@ -169,7 +198,9 @@ class Tracker:
         self.frame, self.last_search = -1, -(10**9)
         self.light = None  # of the last search, see Bart.light_of
         self.dt, self.moved_sides = 1 / self.fps, 0.0  # since the last frame; since the last search
-        self.worker, self.result = None, []
+        self.closing_ms = 0.0  # what it took lately to put a frame's markers together
+        self.search = self.next_beside = None  # the _Search at work in the loop; one to be started beside it
+        self.beside = None  # the future of the one at work there
 
     def update(self, image, t_s=None):
         """Return the Frame of the next image; ``t_s`` its time in seconds, else frames follow at ``fps``.
@@ -177,21 +208,36 @@ class Tracker:
         A change of image size starts anew. Raises ValueError for a bad image and for time that does not advance.
         """
         start = time.perf_counter()
-        grey = grey_image(image)
+        self.between_frames.clear()
+        try:
+            partial = self._see(grey_image(image), t_s, start)
+            closing = time.perf_counter()
+            markers = self._report()
+            self._start_search_beside()
+        finally:
+            self.between_frames.set()
+        end = time.perf_counter()
+        self.closing_ms = 1000 * (end - closing)
+        return Frame(markers, partial, 1000 * (end - start))
+
+    def _see(self, grey, t_s, start):
+        """Bring the tracks to this frame; return whether the budget ran out before all was done."""
         self._advance(grey.shape, t_s)
         partial = False
         if self.p["regions"]:
             self._collect()
             partial = self._follow(grey, start)
-        if self._search_is_due():
+        if self.search is None and self.beside is None and self._search_is_due():
+            self.last_search, self.moved_sides = self.frame, 0.0
+            limited = self.p["budget_ms"] is not None
             # With nothing to follow there is nothing to search beside of, unless the budget forbids to wait.
-            beside = self.p["asynchronous"] and self.p["regions"]
-            if beside and (self.tracks or self._left(start) <= self.search_ms):
-                self._search_beside(grey)
+            if self.worker and self.p["regions"] and (self.tracks or limited):
+                self.next_beside = _Search(self.bart, self._kept(grey), self.frame)
             else:
-                partial |= self._search_now(grey, start)
-        markers = self._report()
-        return Frame(markers, partial, 1000 * (time.perf_counter() - start))
+                self.search = _Search(self.bart, self._kept(grey) if limited else grey, self.frame)
+        if self.search is not None:
+            partial |= self._search_on(start)
+        return partial
 
     def _advance(self, shape, t_s):
         """Check size and time of the frame and move all tracks on to it."""
@@ -213,15 +259,13 @@ class Tracker:
         """Return by how many of its sides a marker moves from frame to frame, median over those followed."""
         if not self.tracks:
             return 0.0
-        corners, speed = (np.stack(a) for a in zip(*((t.corners, t.speed) for t in self.tracks), strict=True))
-        side = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
-        return float(np.median(self.dt * np.linalg.norm(speed.mean(axis=1), axis=1) / np.maximum(side, 1.0)))
+        return float(np.median([sides_moved(t.corners, t.speed, self.dt) for t in self.tracks]))
 
     def _left(self, start):
-        """Return the milliseconds left of the budget."""
+        """Return the milliseconds left of the budget before the frame has to be closed."""
         if self.p["budget_ms"] is None:
             return np.inf
-        return self.p["budget_ms"] - 1000 * (time.perf_counter() - start)
+        return self.p["budget_ms"] - self.closing_ms - 1000 * (time.perf_counter() - start)
 
     def _search_is_due(self):
         since = self.frame - self.last_search
@@ -231,40 +275,45 @@ class Tracker:
             return True
         return since >= LOST_EVERY and any(not track.seen for track in self.tracks)
 
-    def _search_now(self, grey, start):
-        """Search the whole frame in the loop; return whether the budget did not allow it."""
-        left = self._left(start)
-        if left <= self.search_ms or left <= 0:
-            self.search_ms *= 0.9  # an old estimate is no reason never to try again
-            return True
-        began = time.perf_counter()
-        found = self.bart.search(grey)
-        self.light = self.bart.light_of(grey, found)
-        self._take_in(self.bart.finish(grey, found, self.light), seen=True)
-        self.search_ms = 1000 * (time.perf_counter() - began)
-        self.last_search, self.moved_sides = self.frame, 0.0
-        return False
+    def _search_on(self, start):
+        """Go on with the search in the loop; return whether the budget ran out before its end."""
+        search, more = self.search, True
+        while more and self._left(start) > 0:
+            more = search.step()
+        present = search.frame == self.frame
+        if not more or present:
+            self.light, detections = search.result()
+            self._take_in(detections, seen=present)
+        if not more or not self.p["regions"]:
+            self.search = None
+        return more
 
-    def _search_beside(self, grey):
-        """Start a search of this frame in a second thread, unless one is still at work."""
-        if self.worker is not None and self.worker.is_alive():
-            return
-        self.last_search, self.moved_sides = self.frame, 0.0
-        image, box = grey.copy(), []
-        self.result = box
+    def _kept(self, grey):
+        """Return a copy of the image for later frames, in memory that the last one had."""
+        if self.copy is None or self.copy.shape != grey.shape:
+            self.copy = np.empty_like(grey)
+        np.copyto(self.copy, grey)
+        return self.copy
 
-        def work():
-            found = self.bart.search(image)
-            light = self.bart.light_of(image, found)
-            box.append((light, self.bart.finish(image, found, light)))
+    def _start_search_beside(self):
+        """Hand the next search to the second thread; the last thing of a frame, so that none waits for the other."""
+        if self.next_beside is not None:
+            self.beside = self.worker.submit(self._search_beside, self.next_beside)
+            self.next_beside = None
 
-        self.worker = threading.Thread(target=work, daemon=True)
-        self.worker.start()
+    def _search_beside(self, search):
+        """Return the result of a search in the second thread: it halts while a frame waits for its result."""
+        more = True
+        while more:
+            self.between_frames.wait()
+            more = search.step()
+        return search.result()
 
     def _collect(self):
         """Take in what the second thread has found, if it is done."""
-        if self.result:
-            self.light, detections = self.result.pop()
+        if self.beside is not None and self.beside.done():
+            self.light, detections = self.beside.result()
+            self.beside = None
             self._take_in(detections, seen=False)
 
     def _take_in(self, detections, seen):
@@ -301,33 +350,38 @@ class Tracker:
 
     def _follow(self, grey, start):
         """Look for each track near where it is expected; return whether the budget ran out before the end."""
-        waiting, partial = sorted(self.tracks, key=lambda t: t.missed), False
+        waiting = sorted(self.tracks, key=lambda t: (t.looked_for, t.missed))
+        partial = False
         for k in range(0, len(waiting), FOLLOWED_AT_ONCE):
-            if self._left(start) <= 0:
-                partial = True
-                break
-            self._look_for(grey, waiting[k : k + FOLLOWED_AT_ONCE], start)
-        lost = [track for track in waiting if not track.seen]
-        elsewhere = self._carry(lost) if lost and self.p["carry"] and self.K is not None else []
-        if elsewhere and self._left(start) > 0:
-            self._look_for(grey, elsewhere, start)
-        for track in lost:
+            partial |= self._look_for(grey, waiting[k : k + FOLLOWED_AT_ONCE], start)
+        lost = [track for track in waiting if not track.seen and track.looked_for == self.frame]
+        if lost and self.p["carry"] and self.K is not None and self._left(start) > 0:
+            self._look_for(grey, self._carry(lost), start)
+        for track in waiting:
             if not track.seen:
                 track.miss()
         return partial
 
     def _look_for(self, grey, tracks, start):
-        """See those of a batch of tracks that are where they are expected."""
+        """See those of a batch of tracks that are where they are expected; return whether the budget ran out."""
+        if not tracks:
+            return False
+        if self._left(start) <= 0:
+            return True
         quads = np.stack([t.corners for t in tracks])
         found = self.bart.read(grey, quads)
         for track in tracks:
+            if self._left(start) <= 0:
+                return True
+            track.looked_for = self.frame
             mine = [f for f in found if (f["name"], f["id"]) == (track.name, track.id)]
-            if not mine and self._left(start) > 0:
+            if not mine:
                 around = self.bart.search_near(grey, track.corners, 0.35 + 0.15 * min(track.missed, 6))
                 mine = [f for f in around if (f["name"], f["id"]) == (track.name, track.id)]
             if mine:
                 track.see(self.bart.finish(grey, mine[:1], self.light)[0].corners)
                 self._measure(track)
+        return False
 
     def _carry(self, lost):
         """Move lost tracks with the camera, as far as they went with it before; return those worth another look."""
