@@ -160,7 +160,7 @@ def scene(
     taken, truth = [], []
     for k in range(markers):
         dictionary, count = (("DICT_5X5_1000", 1000), ("DICT_ARUCO_ORIGINAL", 1023))[k % 2]
-        for _ in range(500):
+        for _ in range(20000):
             side, tilt = rng.uniform(*side_px), rng.uniform(*tilt_deg)
             centre = rng.uniform((0, 0), (width, height))
             corners = _pose(rng, side, tilt, centre, width, height)

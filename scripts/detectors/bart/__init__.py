@@ -4,6 +4,8 @@ Single images: ``make_detector(dictionaries).detect(image)``. Sequences: ``track
 quads.py (dark regions to quadrilaterals), codes.py (bit matrices), edges.py (exact corners), tracker.py.
 """
 
+from concurrent.futures import ThreadPoolExecutor
+
 import cv2
 import numpy as np
 from numba import njit
@@ -21,7 +23,7 @@ from detectors.bart.codes import (
     read_word,
 )
 from detectors.bart.edges import identity, move_sides, refine_quad, spread_of_white, srgb_to_linear
-from detectors.bart.quads import RETRY_PX, find_quads, search_boxes
+from detectors.bart.quads import RETRY_PX, SMALLEST_PX, candidates, components, quads_of, search_boxes
 from detectors.contract import Detection, grey_image
 
 PARAMETERS = {
@@ -65,9 +67,12 @@ LARGEST_MISS = 0.4  # contrasts, of one cell: a bit that is not the code's
 LARGEST_MISFIT = 0.13  # contrasts, RMS over all cells: more, and no code explains what is seen
 LEAST_LEAD = 1.35  # misfit of the next code over that of the best: less, and either may be meant
 LEAST_MODULE_PX = 5.0  # modules from which the spread of white is measured: smaller ones have no flat inside
-SPREAD_MARKERS = 4  # so many of the largest are enough: each tells the spread to a few thousandths of a pixel
-READ_AT_ONCE = 32  # quads between two looks at the clock
+SPREAD_MARKERS = 2  # so many of the largest are enough: each tells the spread to a few thousandths of a pixel
+REGIONS_AT_ONCE = 32  # regions between two looks at the clock
+SHARED_PARTS = 4  # of an image, for two threads: more even their work out, each costs some fifty microseconds
 OTHER_LIGHT_PX = 0.15  # a spread that no sRGB image with ink on paper shows: tried again as linear light
+
+_SECOND_THREAD = ThreadPoolExecutor(max_workers=1)
 
 
 @njit(cache=True, nogil=True)
@@ -103,7 +108,7 @@ def read_quads(image, grey, light, quads, size, words, owner, wrong_bits, least_
     refined = np.empty((4, 2))
     m = 0
     for k in range(n):
-        module = read_levels(image, grey, quads[k], size, levels)
+        module = read_levels(image, grey, quads[k], size, levels, False)
         weak = WEAK_SHARE if module > SMALL_MODULE_PX else WEAK_SHARE_SMALL
         if module == 0 or frame_contrast(levels, plane, 0.6 * least_contrast, weak) == 0:
             continue
@@ -165,12 +170,30 @@ class Bart:
         return self.finish(grey, found, self.light_of(grey, found))
 
     def search(self, grey):
-        """Return the readable quads of an image, as a list of dicts: corners, name, id, wrong, contrast, size, code."""
-        *_, found = self.search_in_steps(grey)
-        return found
+        """Return the readable quads of an image, as a list of dicts: corners, name, id, wrong, contrast, size, code.
+
+        Two threads share the work where OpenCV may use two (cv2.setNumThreads).
+        """
+        pyramid, parts = self._coarse(grey)
+        if cv2.getNumThreads() > 1:
+            parts = [(dark, some) for dark, regions in parts for some in np.array_split(regions, SHARED_PARTS)]
+        return best_of_each(_in_two_threads(lambda *part: self._search_part(grey, pyramid, *part, []), parts))
 
     def search_in_steps(self, grey):
-        """Yield what a search has found so far after each step of a millisecond or so, at last all (see search)."""
+        """Yield what a search has found so far after each step of a millisecond or less, at last all.
+
+        Some places may have been seen twice (see best_of_each).
+        """
+        found = []
+        pyramid, parts = self._coarse(grey)
+        yield found
+        for dark, regions in parts:
+            for k in range(0, len(regions), REGIONS_AT_ONCE):
+                found += self._search_part(grey, pyramid, dark, regions[k : k + REGIONS_AT_ONCE], found)
+                yield found
+
+    def _coarse(self, grey):
+        """Return (pyramid of images, list of (binary image, regions) of its coarsest, one a way to binarise)."""
         level = 0
         if self.p["multi_scale"]:
             while grey.size >> (2 * level) > 1e6 * self.p["coarse_mpx"]:
@@ -178,25 +201,26 @@ class Bart:
         pyramid = [grey]
         for _ in range(level):
             pyramid.append(_halved(pyramid[-1]))
-        found, boxes = [], []
-        for method in ("mean", "otsu"):
-            if self.p["threshold"] in (method, "both"):
-                quads, rest = self._quads(pyramid[-1], method)
-                boxes.append(rest)
-                yield _best_of_each(found)
-                for some in _batches(_to_full(quads, level)):
-                    found += self.read(grey, some)
-                    yield _best_of_each(found)
-        if self.p["multi_scale"]:
-            for more in self._search_finer(grey, pyramid, np.concatenate(boxes), list(found)):
-                yield _best_of_each(found + more)
+        methods = [m for m in ("mean", "otsu") if self.p["threshold"] in (m, "both")]
+        return pyramid, [self._regions(pyramid[-1], method) for method in methods]
 
-    def _search_finer(self, grey, pyramid, boxes, found):
-        """Yield what is found where a small region was not read: one level finer each time, in the end magnified."""
+    def _search_part(self, grey, pyramid, dark, regions, known):
+        """Return the findings among some regions of the coarsest image and, where those are small, in finer ones.
+
+        known  findings so far, within which nothing is looked for again
+        """
+        quads, boxes = quads_of(regions, dark)
+        found = self.read(grey, _to_full(quads - 1, len(pyramid) - 1))
+        if self.p["multi_scale"]:
+            found += self._search_finer(grey, pyramid, boxes - 1, known + found)
+        return found
+
+    def _search_finer(self, grey, pyramid, boxes, known):
+        """Look again where a small region was not read: one level finer each time, in the end twice magnified."""
         more = []
         coarse = len(pyramid) - 1
         for level in range(coarse, max(coarse - self.p["finer_levels"], -1), -1):
-            boxes = _not_inside(boxes * 2**level, found + more)
+            boxes = _not_inside(boxes * 2**level, known + more)
             quads, rest = search_boxes(
                 pyramid[max(level - 1, 0)],
                 boxes // 2 ** max(level - 1, 0),
@@ -205,11 +229,9 @@ class Bart:
                 np.float32(self.p["offset_dn"]),
                 self.p["contrast_dn"],
             )
-            yield more
-            for some in _batches(_to_full(quads, max(level - 1, 0))):
-                more += self.read(grey, some)
-                yield more
+            more += self.read(grey, _to_full(quads, max(level - 1, 0)))
             boxes = rest
+        return more
 
     def _dark(self, small, method):
         """Return the binary image of what is dark, with a border of zeros and rows of whole words."""
@@ -226,11 +248,10 @@ class Bart:
             cv2.threshold(above, self.p["offset_dn"] - 1, 255, cv2.THRESH_BINARY, dst=dark)
         return padded
 
-    def _quads(self, small, method):
-        """Return (quads, boxes) of find_quads, pixels of ``small``."""
+    def _regions(self, small, method):
+        """Return (binary image, its dark regions that may be markers: quads.candidates)."""
         dark = self._dark(small, method)
-        quads, boxes = find_quads(dark, dark.view(np.uint64), 6, max(small.shape))
-        return quads - 1, boxes - 1
+        return dark, candidates(components(dark.view(np.uint64)), SMALLEST_PX, max(small.shape))
 
     def read(self, grey, quads):
         """Return the findings (dicts, see search) among quads (n, 4, 2), pixels of ``grey``."""
@@ -273,8 +294,9 @@ class Bart:
             return []
         level = int(self.p["multi_scale"] and (high - low).max() > 2 * RETRY_PX)
         crop = grey[y0:y1, x0:x1]
-        quads, _ = self._quads(_halved(crop) if level else np.ascontiguousarray(crop), "mean")
-        return self.read(grey, _to_full(quads, level) + (x0, y0))
+        dark, regions = self._regions(_halved(crop) if level else np.ascontiguousarray(crop), "mean")
+        quads, _ = quads_of(regions, dark)
+        return self.read(grey, _to_full(quads - 1, level) + (x0, y0))
 
     def light_of(self, grey, found):
         """Return (light table (256,), spread of white in pixels) of an image, from its findings."""
@@ -316,37 +338,71 @@ def _to_full(points, level):
     return (points + 0.5) * 2**level - 0.5
 
 
-def _batches(quads):
-    """Return the quads in parts that are read in about a millisecond."""
-    return [quads[k : k + READ_AT_ONCE] for k in range(0, len(quads), READ_AT_ONCE)]
+def _in_two_threads(function, parts):
+    """Return the lists function(*part) of all parts, joined in their order; each thread takes the next that is left."""
+    results = [()] * len(parts)
+    waiting = iter(enumerate(parts))
+
+    def work():
+        for k, part in waiting:
+            results[k] = function(*part)
+
+    other = _SECOND_THREAD.submit(work)
+    work()
+    if not other.cancel():  # else it was busy all the time, or is gone in a forked process
+        other.result()
+    return [found for some in results for found in some]
 
 
 def _not_inside(boxes, found):
     """Return the boxes (x0, y0, x1, y1) that hold no centre of a finding and lie in none."""
     if not (found and len(boxes)):
         return boxes
-    corners = np.stack([f["corners"] for f in found])
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    centre = 0.5 * (low + high)
-    first, last = boxes[:, None, :2], boxes[:, None, 2:]
-    holds = ((first < centre) & (last > centre)).all(axis=2)
-    lies = ((first > low) & (last < high)).all(axis=2)
-    return boxes[~(holds | lies).any(axis=1)]
+    return boxes[_free_boxes(boxes, np.array([f["corners"] for f in found]))]
 
 
-def _best_of_each(found):
+@njit(cache=True, nogil=True)
+def _bounds(quad):
+    """Return (x0, y0, x1, y1) of a quad (4, 2)."""
+    return quad[:, 0].min(), quad[:, 1].min(), quad[:, 0].max(), quad[:, 1].max()
+
+
+@njit(cache=True, nogil=True)
+def _free_boxes(boxes, corners):
+    """Return bool (n,): whether a box (n, 4) neither holds the centre of a quad's bounds (m, 4, 2) nor lies within."""
+    free = np.ones(len(boxes), np.bool_)
+    for k in range(len(corners)):
+        x0, y0, x1, y1 = _bounds(corners[k])
+        x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+        for j in range(len(boxes)):
+            a, b, c, d = boxes[j]
+            if (a < x < c and b < y < d) or (x0 < a and c < x1 and y0 < b and d < y1):
+                free[j] = False
+    return free
+
+
+@njit(cache=True, nogil=True)
+def _first_of_each(corners):
+    """Return bool (n,): whether a quad (n, 4, 2) lies apart from all before it that do."""
+    kept = np.ones(len(corners), np.bool_)
+    for k in range(len(corners)):
+        x0, y0, x1, y1 = _bounds(corners[k])
+        reach = 0.25 * max(x1 - x0, y1 - y0)
+        x, y = corners[k, :, 0].mean(), corners[k, :, 1].mean()
+        for j in range(k):
+            apart = max(abs(x - corners[j, :, 0].mean()), abs(y - corners[j, :, 1].mean()))
+            if kept[j] and apart < reach:
+                kept[k] = False
+    return kept
+
+
+def best_of_each(found):
     """Return the findings without second sightings of one place: fewer wrong bits first, then more contrast."""
     found = sorted(found, key=lambda f: (f["wrong"], -f["contrast"]))
     if len(found) < 2:
         return found
-    corners = np.stack([f["corners"] for f in found])
-    centres = corners.mean(axis=1)
-    near = np.abs(centres[:, None] - centres[None]).max(axis=2) < 0.25 * np.ptp(corners, axis=1).max(axis=1)
-    kept = []
-    for k in range(len(found)):
-        if not near[k, kept].any():
-            kept.append(k)
-    return [found[k] for k in kept]
+    kept = _first_of_each(np.array([f["corners"] for f in found]))
+    return [f for f, first in zip(found, kept, strict=True) if first]
 
 
 def make_detector(dictionaries, **parameters):

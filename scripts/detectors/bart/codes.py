@@ -111,8 +111,8 @@ def _cell(image, light, h, u, v, spread, points):
         for j in range(points):
             a = u + (i - 0.5 * (points - 1)) * spread
             b = v + (j - 0.5 * (points - 1)) * spread
-            w = h[6] * a + h[7] * b + 1.0
-            total += _bilinear(image, light, (h[0] * a + h[1] * b + h[2]) / w, (h[3] * a + h[4] * b + h[5]) / w)
+            w = 1 / (h[6] * a + h[7] * b + 1.0)
+            total += _bilinear(image, light, (h[0] * a + h[1] * b + h[2]) * w, (h[3] * a + h[4] * b + h[5]) * w)
     return total / (points * points)
 
 
@@ -130,12 +130,12 @@ def cell_size(quad, n):
 
 
 @njit(cache=True, nogil=True)
-def read_levels(image, light, quad, size, levels):
+def read_levels(image, light, quad, size, levels, inside=True):
     """Write the light of the code's cells and of the paper round it, (size + 4, size + 4).
 
-    light (256,) is what each grey level stands for. The outermost ring lies 0.38 modules outside the black frame.
-    Returns the thickness of the thinnest row or column of cells in pixels, 0 for a degenerate quad. Levels outside
-    the image are NaN.
+    light (256,) is what each grey level stands for; inside: False leaves out the bits, which frame_contrast does not
+    need. The outermost ring lies 0.38 modules outside the black frame. Returns the thickness of the thinnest row or
+    column of cells in pixels, 0 for a degenerate quad. Levels outside the image are NaN.
     """
     h = np.empty(9)
     if not square_to_quad(quad, h):
@@ -149,6 +149,8 @@ def read_levels(image, light, quad, size, levels):
         v = (r - 0.5) / n
         v = -0.38 / n if r == 0 else (1 + 0.38 / n if r == n + 1 else v)
         for c in range(n + 2):
+            if not inside and 2 <= r < n and 2 <= c < n:
+                continue
             u = (c - 0.5) / n
             u = -0.38 / n if c == 0 else (1 + 0.38 / n if c == n + 1 else u)
             levels[r, c] = _cell(image, light, h, u, v, spread, points)

@@ -272,18 +272,23 @@ def white_excess(image, light, quad, size, levels):
                 area += 0.5 * (a[0] * b[1] - a[1] * b[0])
     # The light within half a module inside the frame's outer edge: its rim is black, so pixels there need no share.
     y0, y1 = max(int(quad[:, 1].min()), 0), min(int(quad[:, 1].max()) + 1, image.shape[0] - 1)
-    x0, x1 = max(int(quad[:, 0].min()), 0), min(int(quad[:, 0].max()) + 1, image.shape[1] - 1)
     rim = 0.5 / n
     total = 0.0
     for y in range(y0, y1 + 1):
-        for x in range(x0, x1 + 1):
-            w = inverse[6] * x + inverse[7] * y + inverse[8]
-            u = (inverse[0] * x + inverse[1] * y + inverse[2]) / w
-            v = (inverse[3] * x + inverse[4] * y + inverse[5]) / w
+        low, high = 1e9, -1e9
+        for s in range(4):
+            p, q = quad[s], quad[(s + 1) % 4]
+            if (p[1] <= y) != (q[1] <= y):
+                x = p[0] + (y - p[1]) * (q[0] - p[0]) / (q[1] - p[1])
+                low, high = min(low, x), max(high, x)
+        for x in range(max(int(low), 0), min(int(high) + 1, image.shape[1] - 1) + 1):
+            w = 1 / (inverse[6] * x + inverse[7] * y + inverse[8])
+            u = (inverse[0] * x + inverse[1] * y + inverse[2]) * w
+            v = (inverse[3] * x + inverse[4] * y + inverse[5]) * w
             if rim < u < 1 - rim and rim < v < 1 - rim:
-                low = f0 + fx * (u - 0.5) + fy * (v - 0.5)
-                high = p0 + px * (u - 0.5) + py * (v - 0.5)
-                total += (light[image[y, x]] - low) / (high - low)
+                black = f0 + fx * (u - 0.5) + fy * (v - 0.5)
+                paper_here = p0 + px * (u - 0.5) + py * (v - 0.5)
+                total += (light[image[y, x]] - black) / (paper_here - black)
     around = whole = 0.0
     for s in range(4):
         p, q = quad[s], quad[(s + 1) % 4]

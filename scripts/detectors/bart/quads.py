@@ -14,6 +14,7 @@ ZERO, ONE, THREE, EIGHT, BYTE = (np.uint64(v) for v in (0, 1, 3, 8, 255))
 STEP_Y = np.array([0, 1, 1, 1, 0, -1, -1, -1], np.int64)
 STEP_X = np.array([1, 1, 0, -1, -1, -1, 0, 1], np.int64)
 
+SMALLEST_PX = 6  # longer side of the smallest region that is looked at
 RETRY_PX = 32  # longer side of the largest region that a finer look may help: larger ones lack no pixels
 THIN_PX = 48  # the same for regions of thin lines
 SHAPELESS_PX = 14  # below it a marker's shape may be lost; above it, what is no quadrilateral is no marker
@@ -162,20 +163,20 @@ def _farthest_on_arc(px, py, n, i, j):
     """Return (index, distance) of the border point farthest from the chord i to j, on the arc from i to j."""
     ax, ay = px[i], py[i]
     dx, dy = px[j] - ax, py[j] - ay
-    length = np.sqrt(float(dx * dx + dy * dy))
-    best, where = -1.0, i
+    best, where = -1, i
     m = (j - i) % n
     for k in range(1, m):
         q = i + k
         if q >= n:
             q -= n
-        if length > 0:
-            d = abs((px[q] - ax) * dy - (py[q] - ay) * dx) / length
-        else:
-            d = np.sqrt(float((px[q] - ax) ** 2 + (py[q] - ay) ** 2))
+        x, y = px[q] - ax, py[q] - ay
+        d = abs(x * dy - y * dx) if dx != 0 or dy != 0 else x * x + y * y
         if d > best:
             best, where = d, q
-    return where, best
+    if best < 0:
+        return where, -1.0
+    length = np.sqrt(float(dx * dx + dy * dy))
+    return where, best / length if length > 0 else np.sqrt(float(best))
 
 
 @njit(cache=True, nogil=True)
@@ -270,13 +271,27 @@ def fit_quad(px, py, n, quad):
 
 
 @njit(cache=True, nogil=True)
-def find_quads(binary, words, smallest, largest):
-    """Return (quads float64 (n, 4, 2), boxes int32 (m, 4) of small regions that deserve a finer look).
+def candidates(regions, smallest, largest):
+    """Return those of components' regions that may be quadrilaterals of a size.
 
-    binary    uint8 with a border of zeros of at least one pixel, 255 is dark; words its uint64 view
     smallest, largest  side of a region's bounding box, pixels: the longer one is within these limits
     """
-    regions = components(words)
+    n = 0
+    kept = np.empty_like(regions)
+    for k in range(len(regions)):
+        w, h = regions[k, 2] - regions[k, 0] + 1, regions[k, 3] - regions[k, 1] + 1
+        if smallest <= max(w, h) <= largest and min(w, h) >= 3 and regions[k, 4] >= w + h:
+            kept[n] = regions[k]
+            n += 1
+    return kept[:n]
+
+
+@njit(cache=True, nogil=True)
+def quads_of(regions, binary):
+    """Return (quads float64 (n, 4, 2), boxes int32 (m, 4) of small regions that deserve a finer look).
+
+    regions   candidates; binary: uint8 with a border of zeros of at least one pixel, 255 is dark
+    """
     quads = np.empty((len(regions), 4, 2))
     boxes = np.empty((len(regions), 4), np.int32)
     n_quads = n_boxes = 0
@@ -287,8 +302,6 @@ def find_quads(binary, words, smallest, largest):
     for k in range(len(regions)):
         x0, y0, x1, y1, area, sx, sy = regions[k]
         w, h = x1 - x0 + 1, y1 - y0 + 1
-        if max(w, h) < smallest or max(w, h) > largest or min(w, h) < 3 or area < w + h:
-            continue
         # A convex region's border has at most 2 (w + h) points.
         n = follow_border(binary, sx, sy, min(size, int(2.5 * (w + h)) + 8), px, py)
         if n == 0:
@@ -368,7 +381,7 @@ def _is_plain(image, box, least):
 
 @njit(cache=True, nogil=True)
 def search_boxes(image, boxes, doubled, window, offset, least_contrast):
-    """Return what find_quads returns, for crops round boxes (m, 4) of ``image``: quads and smaller regions, its pixels.
+    """Return what quads_of returns, for crops round boxes (m, 4) of ``image``: quads and smaller regions, its pixels.
 
     doubled  whether to magnify the crops twice
     """
@@ -389,7 +402,8 @@ def search_boxes(image, boxes, doubled, window, offset, least_contrast):
             continue
         large = _doubled(image, x0, y0, x1, y1) if doubled else crop.astype(np.float32)
         binary = _binarised(large, window, offset)
-        found, small = find_quads(binary, binary.view(np.uint64), 6, 1 << 20)
+        regions = components(binary.view(np.uint64))
+        found, small = quads_of(candidates(regions, SMALLEST_PX, 1 << 20), binary)
         scale = 0.5 if doubled else 1.0
         for j in range(len(found)):
             if n_quads == len(quads):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from detectors.bart import PARAMETERS, make_detector
+from detectors.bart import PARAMETERS, best_of_each, make_detector
 from detectors.bart.filter import PoseFilter
 from detectors.bart.motion import LEAST_MARKERS, goes_along, points_at, project, rigid_motion, sides_moved
 from detectors.contract import DEFAULT_DICTIONARIES, Detection, estimate_poses, grey_image
@@ -156,8 +156,9 @@ class _Search:
 
     def result(self):
         """Return (light, detections) of what was found so far."""
-        light = self.bart.light_of(self.image, self.found)
-        return light, self.bart.finish(self.image, self.found, light)
+        found = best_of_each(self.found)
+        light = self.bart.light_of(self.image, found)
+        return light, self.bart.finish(self.image, found, light)
 
 
 class Tracker:
