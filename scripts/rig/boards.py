@@ -16,6 +16,7 @@ from rig.plates import aruco_dictionary
 SUBPIX_WINDOW = (5, 5)
 SUBPIX_STOP = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 40, 0.001)
 LEAST_POINTS = 8
+CHARUCO_OFFSET_PX = 0.5  # of the installed OpenCV's corners (opencv#25539, gone with pull request 28380)
 
 
 @dataclass
@@ -75,7 +76,8 @@ def _find_charuco(grey, board):
     if ids is None or not len(ids):
         return nothing_found(found)
     points = np.array(cv_board.getChessboardCorners())[np.ravel(ids)]
-    return BoardPoints(_y_up(points, board.rows * board.square_m), np.reshape(corners, (-1, 2)).astype(float), found)
+    image = np.reshape(corners, (-1, 2)).astype(float) - CHARUCO_OFFSET_PX
+    return BoardPoints(_y_up(points, board.rows * board.square_m), image, found)
 
 
 def _chessboard_points(board):

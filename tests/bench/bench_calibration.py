@@ -17,7 +17,6 @@ sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests")]
 import cv2  # noqa: E402
 
 from detectors import contract  # noqa: E402
-from detectors._opencv import OpenCvDetector  # noqa: E402
 from register_captures import better_finder, board_finder, usable_views  # noqa: E402
 from rig import boards, calibration  # noqa: E402
 from rig.campaign import Board, load_campaign  # noqa: E402
@@ -173,22 +172,14 @@ def count_read(detect, images, wanted):
     return read, missed
 
 
-def older_detector(dictionaries):
-    """Return OpenCV's detector with the limit for unclear bits that it had before (opencv pull request 28289)."""
-    parameters = cv2.aruco.DetectorParameters()
-    parameters.validBitIdThreshold = 0.5
-    return OpenCvDetector(dictionaries, parameters)
-
-
 def marker_row(name):
-    """Return the table's row of one set of marker photographs: as OpenCV comes, and with its older limit for bits."""
+    """Return the table's row of one set of marker photographs."""
     wanted = dict(listed_ids(name))
     dictionaries = sorted({d for ids in wanted.values() for d in ids})
     images = list(frames_of(REAL / name, wanted))
     listed = sum(len(ids) for by_dictionary in wanted.values() for ids in by_dictionary.values())
     read, missed = count_read(contract.make("aruco", dictionaries).detect, images, wanted)
-    older, _ = count_read(older_detector(dictionaries).detect, images, wanted)
-    return [name, len(wanted), listed, read, older, "; ".join(missed) or "-"]
+    return [name, len(wanted), listed, read, "; ".join(missed) or "-"]
 
 
 def marker_sets():
@@ -221,7 +212,7 @@ def main():
     parts[0] += "the program itself uses.\n\n" + table(head, [row for name in names for row in board_rows(name)])
     head = ["set", "legacy_pattern", "rows", "corners by the wrong flag", "said"]
     parts.append("The wrong legacy flag.\n\n" + table(head, legacy_rows()))
-    head = ["set", "images", "ids listed", "of these read", "by the older limit for bits", "missed"]
+    head = ["set", "images", "ids listed", "of these read", "missed"]
     parts.append("Marker photographs, detector `aruco`.\n\n" + table(head, [marker_row(n) for n in marker_sets()]))
     text = "\n".join(parts)
     print(text)
