@@ -17,7 +17,8 @@ STEP_X = np.array([1, 1, 0, -1, -1, -1, 0, 1], np.int64)
 SMALLEST_PX = 6  # longer side of the smallest region that is looked at
 RETRY_PX = 32  # longer side of the largest region that a finer look may help: larger ones lack no pixels
 THIN_PX = 48  # the same for regions of thin lines
-SHAPELESS_PX = 14  # below it a marker's shape may be lost; above it, what is no quadrilateral is no marker
+SHAPELESS_PX = 14  # shorter side: below it a marker's shape may be lost; above, what is no quadrilateral is no marker
+LONG_PX = 64  # longer side of the largest region with such a short one: a marker seen at a grazing angle
 
 # Cubic interpolation (Keys 1981, a = -0.75 as in OpenCV) half way between the pixels of a doubled image.
 CUBIC = np.array([-0.10546875, 0.87890625, 0.26171875, -0.03515625])
@@ -310,7 +311,7 @@ def quads_of(regions, binary):
         if fit == 2:
             quads[n_quads] = quad
             n_quads += 1
-        small = max(w, h) <= RETRY_PX and (fit > 0 or max(w, h) < SHAPELESS_PX)
+        small = (fit > 0 and max(w, h) <= RETRY_PX) or (min(w, h) < SHAPELESS_PX and max(w, h) <= LONG_PX)
         # A thin frame, seen at a grazing angle, falls to pieces when shrunk: little area in a large box.
         if small or (fit == 0 and max(w, h) <= THIN_PX and min(w, h) >= 16 and 4 * area < w * h):
             boxes[n_boxes, 0], boxes[n_boxes, 1], boxes[n_boxes, 2], boxes[n_boxes, 3] = x0, y0, x1, y1
