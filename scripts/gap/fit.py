@@ -36,6 +36,7 @@ LOST_PLATE = 6.0  # whitened residual charged per feature of a plate that only t
 GROUPS = ("corners", "levels", "edges", "colour", "field", "noise", "pose")
 STILL_FAR = 0.1  # share of its loss above which a step says that the next one gains as well
 PREDICTIONS_KEPT = 4000  # some 20 kB each
+TELLING = 0.25  # squared standard errors from which a step corrects derivatives
 OLDEST_DERIVATIVES = 3  # steps that derivatives serve: they cost a prediction a parameter
 POSE_STEPS = 25  # at most: a mount that was found askew turns held-out cameras by a degree
 DRAWN_AGAIN, NEAR_PX = 3, 0.05  # times that held-out images are drawn, move of corners that is followed without
@@ -598,11 +599,12 @@ def response(y, Jt, Jp, change):
 def updated(derivatives, before, after, d, d_poses, scale):
     """Return derivatives after a step of the parameters (k,) and poses (n, 6) that agree with what it changed.
 
-    ``scale`` (k,) are the parameters' precisions. Source: C. G. Broyden, "A class of methods for solving nonlinear
+    ``scale`` (k,) are the parameters' precisions. A step within the errors changes less than predictions are repeatable
+    by, and tells nothing. Source: C. G. Broyden, "A class of methods for solving nonlinear
     simultaneous equations" (1965).
     """
     length = (scale * d * d).sum()
-    if length <= 0:
+    if length < TELLING:
         return derivatives
     out = {}
     for i, (Jt, Jp) in derivatives.items():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from effects import pipeline
-from gap.fit import NU, image_step, response, rounding_variance, without_pose
+from gap.fit import NU, image_step, response, rounding_variance, updated, without_pose
 
 
 def residuals_and_derivatives():
@@ -38,3 +38,16 @@ def test_steps_of_derivatives_are_near_what_matters_of_every_parameter():
     for name, module in pipeline.available_effects().items():
         for key, p in module.PARAMETERS.items():
             assert abs(image_step((name, key), p.null)) == pytest.approx(p.matters)
+
+
+@pytest.mark.parametrize(("share_of_error", "corrected"), [(2.0, True), (1e-3, False)])
+def test_a_step_within_the_errors_corrects_no_derivative(share_of_error, corrected):
+    """Wrong if noise over a tiny step became a derivative: a share of 0.0808 was stated to 0.0000002, and 200 errors off."""
+    rng = np.random.default_rng(3)
+    J = rng.normal(0, 1, (400, 1))
+    precision = (J * J).sum(0)
+    d = share_of_error / np.sqrt(precision)
+    before = {0: {"levels": rng.normal(0, 1, 400)}}
+    after = {0: {"levels": before[0]["levels"] - 1.5 * J @ d + rng.normal(0, 1e-3, 400)}}
+    new, _ = updated({0: (J, np.zeros((400, 6)))}, before, after, d, np.zeros((1, 6)), precision)[0]
+    assert np.allclose(new, 1.5 * J if corrected else J, atol=0.1)
