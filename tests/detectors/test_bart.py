@@ -176,3 +176,16 @@ def test_markers_seen_at_a_grazing_angle_are_looked_at_more_finely(bart):
         image = cv2.copyMakeBorder(image, 40, 40, 40, 40, cv2.BORDER_REPLICATE)
         found += [(d.dictionary, d.id) for d in bart.detect(image)] == [("DICT_5X5_1000", marker)]
     assert found >= 12
+
+
+def test_one_thread_and_two_find_the_same(bart):
+    """Wrong if the division of an image hung on the threads: tables would differ from machine to machine."""
+    image, _ = scene(np.random.default_rng(12), 960, 540, 8, (14, 60), (0, 50), noise_dn=4)
+    threads, found = cv2.getNumThreads(), []
+    try:
+        for number in (1, 2):
+            cv2.setNumThreads(number)
+            found.append([(d.dictionary, d.id, d.corners.tolist()) for d in bart.detect(image)])
+    finally:
+        cv2.setNumThreads(threads)
+    assert len(found[0]) > 4 and found[0] == found[1]

@@ -172,11 +172,10 @@ class Bart:
     def search(self, grey):
         """Return the readable quads of an image, as a list of dicts: corners, name, id, wrong, contrast, size, code.
 
-        Two threads share the work where OpenCV may use two (cv2.setNumThreads).
+        Two threads share the parts where OpenCV may use two (cv2.setNumThreads): the same findings as of one.
         """
-        pyramid, parts = self._coarse(grey)
-        if cv2.getNumThreads() > 1:
-            parts = [(dark, some) for dark, regions in parts for some in np.array_split(regions, SHARED_PARTS)]
+        pyramid, wholes = self._coarse(grey)
+        parts = [(dark, some) for dark, regions in wholes for some in np.array_split(regions, SHARED_PARTS)]
         return best_of_each(_in_two_threads(lambda *part: self._search_part(grey, pyramid, *part, []), parts))
 
     def search_in_steps(self, grey):
@@ -347,9 +346,9 @@ def _in_two_threads(function, parts):
         for k, part in waiting:
             results[k] = function(*part)
 
-    other = _SECOND_THREAD.submit(work)
+    other = _SECOND_THREAD.submit(work) if cv2.getNumThreads() > 1 else None
     work()
-    if not other.cancel():  # else it was busy all the time, or is gone in a forked process
+    if other is not None and not other.cancel():  # else it was busy all the time, or is gone in a forked process
         other.result()
     return [found for some in results for found in some]
 
