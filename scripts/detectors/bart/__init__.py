@@ -68,7 +68,7 @@ LARGEST_MISFIT = 0.13  # contrasts, RMS over all cells: more, and no code explai
 LEAST_LEAD = 1.35  # misfit of the next code over that of the best: less, and either may be meant
 LEAST_MODULE_PX = 5.0  # modules from which the spread of white is measured: smaller ones have no flat inside
 SPREAD_MARKERS = 2  # so many of the largest are enough: each tells the spread to a few thousandths of a pixel
-REGIONS_AT_ONCE = 32  # regions between two looks at the clock
+REGIONS_AT_ONCE = 16  # regions between two looks at the clock
 SHARED_PARTS = 4  # of an image, for two threads: more even their work out, each costs some fifty microseconds
 OTHER_LIGHT_PX = 0.15  # a spread that no sRGB image with ink on paper shows: tried again as linear light
 

@@ -282,7 +282,8 @@ class Tracker:
         while more and self._left(start) > 0:
             more = search.step()
         present = search.frame == self.frame
-        if not more or present:
+        # Cut off, it has something to tell only where nothing is followed; else it goes on in the next frame.
+        if not more or (present and not (self.tracks and self.p["regions"])):
             self.light, detections = search.result()
             self._take_in(detections, seen=present)
         if not more or not self.p["regions"]:
