@@ -1,6 +1,6 @@
 """A smooth displacement of the image that no lens formula describes, the same in every capture (headset passthrough).
 
-A cosine series, u and v from 0 to 1: d(u, v) = sum of a_jk cos(pi j u) cos(pi k v) for x and y, up to j + k = 8, over the
+A cosine series, u and v from 0 to 1: d(u, v) = sum of a_jk cos(pi j u) cos(pi k v) for x and y, up to j + k = 12, over the
 frame and a fifth of it on every side: at its own ends such a series has no slope, which no warp would heed. A prior holds
 fine waves smaller than coarse ones, so that the field stays smooth where no plate was seen. Source: Ahmed, Natarajan and
 Rao, "Discrete cosine transform" (1974); as bases of smooth warps Ashburner and Friston, "Nonlinear spatial normalization
@@ -12,7 +12,7 @@ import numpy as np
 from effects.base import Parameter
 
 STAGE, ORDER = "processing", 5
-DEGREE = 8
+DEGREE = 12
 BEYOND = 0.2  # of the frame's sides
 WAVES = [(j, k) for j in range(DEGREE + 1) for k in range(DEGREE + 1 - j)]
 

@@ -1,30 +1,37 @@
 """A smooth curve on the encoded values, ends fixed and never falling.
 
-v' = s + contrast s (1 - s)(2 s - 1) + toe b(s) + shoulder b(1 - s) at s = v^gamma, b(s) = s (1 - s)^4 / 0.08192: gamma
-brightens or darkens the middle, contrast is an S, toe and shoulder are bumps with their tops at 1/5 and 4/5.
-Source: the power, sigmoid and toe curves of raw converters.
+v' = v + d(v): d is a natural cubic spline through 0 at black and white and through lift_1_dn .. lift_6_dn at the sevenths of
+full scale between. Source: de Boor, "A Practical Guide to Splines" (1978); as a camera's curve e.g. Grossberg and Nayar,
+"What is the space of camera response functions?" (2003), for which a few smooth parts are enough.
 """
 
+import functools
+
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from effects.base import Parameter
 
 STAGE, ORDER = "processing", 20
+KNOTS = 6
 PARAMETERS = {
-    "gamma": Parameter("1", 0.3, 3.0, 1.0, (1.0,), 0.01, "exponent of encoded values"),
-    "contrast": Parameter("1", -1.8, 1.5, 0.0, (0.0,), 0.03, "strength of the S"),
-    "toe_dn": Parameter("dn", -60.0, 60.0, 0.0, (0.0,), 2.0, "lift of the shadows, at a fifth of full scale"),
-    "shoulder_dn": Parameter("dn", -60.0, 60.0, 0.0, (0.0,), 2.0, "lift of the lights, at four fifths"),
+    f"lift_{k}_dn": Parameter("dn", -100.0, 100.0, 0.0, (0.0,), 2.0, f"lift at {k}/{KNOTS + 1} of full scale", 40.0)
+    for k in range(1, KNOTS + 1)
 }
 STEPS = 4096
 
 
+@functools.cache
+def _waves():
+    """Return d(v) of each knot lifted by one (STEPS + 1, KNOTS)."""
+    knots, v = np.linspace(0, 1, KNOTS + 2), np.linspace(0, 1, STEPS + 1)
+    return CubicSpline(knots, np.eye(KNOTS + 2)[:, 1:-1], bc_type="natural")(v)
+
+
 def curve(p):
     """Return the grey levels (STEPS + 1,) that encoded values 0..255 become."""
-    s = np.linspace(0, 1, STEPS + 1) ** p["gamma"]
-    bent = s + p["contrast"] * s * (1 - s) * (2 * s - 1)
-    bent += (p["toe_dn"] * s * (1 - s) ** 4 + p["shoulder_dn"] * (1 - s) * s**4) / (0.08192 * 255)
-    return 255 * np.maximum.accumulate(np.clip(bent, 0, 1))
+    bent = np.linspace(0, 255, STEPS + 1) + _waves() @ [p[name] for name in PARAMETERS]
+    return np.maximum.accumulate(np.clip(bent, 0, 255))
 
 
 def apply(image, view, p, rng):

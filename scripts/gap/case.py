@@ -9,9 +9,12 @@ from effects import pipeline
 from gap.finder import Finder
 from gap.observe import (
     COARSE_TO_FINE,
+    FARTHEST_FOLLOWED_PX,
     SMALLEST_SIDE_PX,
     Codes,
+    agreeing,
     code_sides_px,
+    follow_neighbours,
     grey_of,
     measure_plates,
     observe,
@@ -22,7 +25,6 @@ from gap.observe import (
 from gap.synthesis import Prints, coverages, ground_points, is_lit, shade
 from rig.geometry import perturb_pose, project
 
-FARTHEST_FOLLOWED_PX = 80.0
 CLIPPED_SD = 4.0  # standard deviations from black or white within which noise is clipped
 SCENES_KEPT = 64
 GEOMETRY_KEPT_PX = 20_000_000  # 400 MB
@@ -221,42 +223,16 @@ class Case:
         capture.noise_variance = max(capture.noise_variance, 0.05)
 
     def found_corners(self, image, starts):
-        """Return (corners (p, 4, 2), found (p,)): what ArUco finds of the rig, false finds far off left out."""
+        """Return (corners (p, 4, 2), found (p,)): what ArUco finds of the rig, false finds far off or askew left out."""
         corners, found = np.full(starts.shape, np.nan), np.zeros(len(starts), bool)
         for k, quad in self.finder().corners(image).items():
             corners[k] = quad
             found[k] = np.abs(quad - starts[k]).max() < FARTHEST_FOLLOWED_PX
-        return corners, found
+        return corners, agreeing(starts, corners, found)
 
 
 def _moved(scene, view, delta):
     return replace(view, T_cam_world=scene.T_cam_mount @ perturb_pose(view.T_cam_world, delta))
-
-
-def follow_neighbours(points, starts, corners, measured):
-    """Return points (p, 4, 2) moved as the measured corners (p, 4, 2) were from their starts (p, 4, 2).
-
-    The move is a smooth one, quadratic in the image and fitted robustly.
-    """
-    if measured.sum() < 4:
-        return points
-    moved = corners[measured].reshape(-1, 2) - starts[measured].reshape(-1, 2)
-    scale = np.nanmax(np.abs(starts[measured]))
-
-    def powers(xy):
-        x, y = (xy / scale).T
-        columns = [np.ones_like(x), x, y]
-        if measured.sum() >= 8:
-            columns += [x * x, x * y, y * y]
-        return np.stack(columns, axis=1)
-
-    A = powers(starts[measured].reshape(-1, 2))
-    weight = np.ones(len(A))
-    for _ in range(10):
-        solution = np.linalg.lstsq(A * weight[:, None], moved * weight[:, None], rcond=None)[0]
-        weight = 1 / np.sqrt(1 + ((moved - A @ solution) ** 2).sum(1))
-    shift = (powers(points.reshape(-1, 2)) @ solution).reshape(points.shape)
-    return points + np.clip(shift, -FARTHEST_FOLLOWED_PX, FARTHEST_FOLLOWED_PX)
 
 
 def has_geometry(effects):

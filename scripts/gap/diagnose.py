@@ -115,33 +115,50 @@ RECORDED = (
 
 
 def split_by_station(case):
-    """Return (training, held-out) indices of captures: whole stations, alternating over heights and tilts.
+    """Return (training, held-out) indices of captures: whole stations, half of them each.
 
-    Of the two halves, the one whose plates lie nearer to the other's in the image trains: what lies where no plate was
-    fitted tests nothing. Empty held-out where there are fewer than two stations.
+    They alternate over heights and tilts; then two change places for as long as this brings the held-out plates nearer to
+    the training ones in the image: what lies where no plate was fitted tests nothing.
+    Empty held-out where there are fewer than two stations.
     """
     stations = sorted({c.view.station for c in case.captures})
-    second = {s for k, s in enumerate(stations) if (k + k // 2) % 2}
-    halves = [
-        [i for i, c in enumerate(case.captures) if (c.view.station in second) == is_second]
-        for is_second in (False, True)
-    ]
-    a, b = (plate_centres(case, half) for half in halves)
-    if len(a) and len(b) and farthest_from(b, a) < farthest_from(a, b):
-        halves.reverse()
-    return tuple(halves)
+    remoteness = remoteness_of([plate_centres(case, s) for s in stations])
+    second = {k for k in range(len(stations)) if (k + k // 2) % 2}
+    train = min((set(range(len(stations))) - second, second), key=remoteness)
+    while True:
+        swaps = [train - {a} | {b} for a in sorted(train) for b in range(len(stations)) if b not in train]
+        nearest = min(swaps, key=remoteness, default=train)
+        if remoteness(nearest) >= remoteness(train):
+            break
+        train = nearest
+    fitted = {stations[k] for k in train}
+    captures = range(len(case.captures))
+    return tuple(
+        [i for i in captures if (case.captures[i].view.station in fitted) == chosen] for chosen in (True, False)
+    )
 
 
-def plate_centres(case, indices):
-    """Return the centres (n, 2) of all plates measured in some captures, pixels."""
-    found = [case.captures[i].observation for i in indices]
-    centres = [o.corners[o.measured].mean(1) for o in found if o is not None]
-    return np.concatenate(centres) if centres else np.zeros((0, 2))
+def plate_centres(case, station):
+    """Return the centres (n, 2) of all plates measured at a station, pixels."""
+    found = [c.observation for c in case.captures if c.view.station == station and c.observation is not None]
+    return np.concatenate([np.zeros((0, 2)), *(o.corners[o.measured].mean(1) for o in found)])
 
 
-def farthest_from(train, test):
-    """Return how far, root mean square, points ``test`` (m, 2) lie from the nearest of points ``train`` (n, 2)."""
-    return float(np.sqrt((cKDTree(train).query(test)[0] ** 2).mean()))
+def remoteness_of(points):
+    """Return a function of the stations (set of indices) that train: how far the others' points, a list of arrays (n, 2),
+    lie from the nearest of theirs; the fourth powers' mean, as it is holes that count.
+    """
+    station = np.repeat(np.arange(len(points)), [len(p) for p in points])
+    every = np.concatenate([np.zeros((0, 2)), *points])
+    to_station = [cKDTree(p).query(every)[0] if len(p) else np.full(len(every), np.inf) for p in points]
+
+    def remoteness(train):
+        held_out = ~np.isin(station, list(train))
+        if not train or not held_out.any():
+            return np.inf
+        return float((np.min([to_station[k][held_out] for k in train], axis=0) ** 4).mean())
+
+    return remoteness
 
 
 def null_of(effect):

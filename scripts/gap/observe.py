@@ -22,6 +22,8 @@ RIDGE = np.array([1e-4] * 8 + [1e-4] * 5 + [1e-2] * 5 + [1e-4])
 COARSE_TO_FINE = np.array([4, 1, 0])
 FINE = np.array([0])
 FARTHEST_PX = 25.0
+FARTHEST_FOLLOWED_PX = 80.0
+FEWEST_TO_FOLLOW = 4  # plates
 REPEATS, CHANCE = 2, 2.0  # measurements with noise added; the mean square that they reach once in a hundred times
 MOST_AMPLIFIED = 4.0  # noise of a plate that is used
 WHITE, BLACK, RIM = (FEATURES.index(name) for name in ("white", "black", "rim"))
@@ -159,6 +161,43 @@ def wholly_inside(corners, width, height, border=6.0):
     )
 
 
+def follow_neighbours(points, starts, corners, measured):
+    """Return points (p, 4, 2) moved as the measured corners (p, 4, 2) were from their starts (p, 4, 2).
+
+    The move is a smooth one, quadratic in the image and fitted robustly.
+    """
+    if measured.sum() < FEWEST_TO_FOLLOW:
+        return points
+    moved = corners[measured].reshape(-1, 2) - starts[measured].reshape(-1, 2)
+    scale = np.nanmax(np.abs(starts[measured]))
+
+    def powers(xy):
+        x, y = (xy / scale).T
+        columns = [np.ones_like(x), x, y]
+        if measured.sum() >= 8:
+            columns += [x * x, x * y, y * y]
+        return np.stack(columns, axis=1)
+
+    A = powers(starts[measured].reshape(-1, 2))
+    weight = np.ones(len(A))
+    for _ in range(10):
+        solution = np.linalg.lstsq(A * weight[:, None], moved * weight[:, None], rcond=None)[0]
+        weight = 1 / np.sqrt(1 + ((moved - A @ solution) ** 2).sum(1))
+    shift = (powers(points.reshape(-1, 2)) @ solution).reshape(points.shape)
+    return points + np.clip(shift, -FARTHEST_FOLLOWED_PX, FARTHEST_FOLLOWED_PX)
+
+
+def agreeing(starts, corners, measured):
+    """Return which of the measured plates (p,) lie, to within their code's side, where the others' move from their starts
+    puts them: what is farther off is another plate.
+    """
+    expected = follow_neighbours(starts, starts, corners, measured)
+    if measured.sum() < FEWEST_TO_FOLLOW:
+        return measured
+    off = np.abs(corners.mean(1) - expected.mean(1)).max(-1)
+    return measured & ~(off > code_sides_px(expected))
+
+
 def states_at(corners, codes, rims=0.0):
     """Return states (p, 14) from which plates are measured: corners (p, 4, 2), nominal levels, ``rims`` (p,) how far plates
     reach beyond the nominal ones, metres.
@@ -263,9 +302,9 @@ def observe(image, starts, outlines, wanted, view, codes, radii):
     grey = grey_of(image)
     features, information, measured, misfit = measure_plates(grey, states_at(starts, codes), wanted, codes, radii)
     amplified = noise_amplification(grey, features, information, measured, codes)
-    measured = measured & (amplified < MOST_AMPLIFIED)
     information = information / np.minimum(amplified, MOST_AMPLIFIED)[:, None, None] ** 2
     corners = features[:, :8].reshape(-1, 4, 2)
+    measured = agreeing(starts, corners, measured & (amplified < MOST_AMPLIFIED))
     colour = measure_colour(image, corners, measured, codes)
     classes = classify_flats(grey.shape, corners, measured, outlines, view, codes)
     field, field_n = field_levels(grey.astype(np.float64), classes)

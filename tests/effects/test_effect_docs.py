@@ -16,5 +16,5 @@ def test_the_list_is_complete(name):
     module = pipeline.available_effects()[name]
     assert line.startswith(f"| {module.STAGE} {module.ORDER} |")
     for key, p in module.PARAMETERS.items():
-        if name != "local_warp":  # ninety-six alike
+        if name != "local_warp":  # all alike
             assert f"`{key}` {p.unit}, {p.lower:g} to {p.upper:g}, null {p.null:g}" in line

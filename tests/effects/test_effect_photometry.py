@@ -194,9 +194,9 @@ def test_tone_curve_keeps_ends_and_order():
     """Black and white stay, and no two levels change places, over all of the bounds."""
     levels = np.linspace(0, 255, 256, dtype=np.float32)[None, :, None]
     known = FOUND["tone_curve"].PARAMETERS
-    for name in ("contrast", "toe_dn", "shoulder_dn"):
-        for value in (known[name].lower, known[name].upper):
-            bent = {"gamma": 1.4, "contrast": 0.0, "toe_dn": 0.0, "shoulder_dn": 0.0} | {name: value}
+    for name, parameter in known.items():
+        for value in (parameter.lower, parameter.upper):
+            bent = {k: 5.0 for k in known} | {name: value}
             out = FOUND["tone_curve"].apply(levels, view(), bent, None)[0, :, 0]
             assert (out[0], out[-1]) == (0, 255)
             assert (np.diff(out) > -1e-4).all()
