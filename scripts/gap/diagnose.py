@@ -416,8 +416,23 @@ class Diagnosis:
             self.base_gap_se, group_gaps(self.base_groups, self.floors), self.floors, True,
         )  # fmt: skip
 
-    def try_effect(self, effect):
-        """Return the Candidate of one effect added to the base and fitted."""
+    def try_beside_others(self, names):
+        """Return the candidates of some effects, best first, beside those of the base.
+
+        What was adopted may have made up for a part of what promises most: where that is not the best, all are tried again,
+        the base refitted with them.
+        """
+        promises = self.promises(names)
+        candidates = rank([self.try_promised(e, promises, TRIED_AGAIN) for e in promises])
+        tried = [e for e in promises if is_promising(e, promises, TRIED_AGAIN)]
+        favourite = max(tried, key=promises.get, default=None)
+        if favourite in (None, candidates[0].effect) or len(self.free()) > MANY_PARAMETERS:
+            return candidates
+        others = [c for c in candidates if c.effect not in tried]
+        return rank([*others, *(self.try_effect(e, self.free()) for e in tried)])
+
+    def try_effect(self, effect, beside=()):
+        """Return the Candidate of one effect added to the base and fitted, parameters ``beside`` it refitted."""
         free = [(effect, k) for k in null_of(effect)]
         starts = self.likely_starts(effect)
         probe = probes(self.train)
@@ -432,13 +447,13 @@ class Diagnosis:
             start_effects = best.state.effects
         else:
             start_effects = self.effects + [(effect, starts[0])]
-        fit = self.fitter.fit(start_effects, free, self.poses, self.train, iterations=9, scale=8.0)
+        fit = self.fitter.fit(start_effects, free + list(beside), self.poses, self.train, iterations=9, scale=8.0)
         poses, groups = self.fitter.score(fit.state.effects, fit.state.poses, self.test)
         return self._candidate(effect, fit, poses, groups)
 
     def _candidate(self, effect, fit, poses, groups):
         values = dict(fit.state.effects)[effect]
-        errors = dict(zip(values, np.sqrt(np.maximum(np.diag(fit.covariance), 0)), strict=True))
+        errors = dict(zip(values, np.sqrt(np.maximum(np.diag(fit.covariance), 0)), strict=False))  # its own come first
         losses = losses_of(groups)
         gains = gains_by_station(self.case, self.base_losses, losses)
         candidate = Candidate(
@@ -619,8 +634,7 @@ def climb(diagnosis, first, most_steps=6, progress=None, start_with=None, taken=
             progress(best.effect)
         if is_at_floor(diagnosis):
             return steps, rank([diagnosis.null_candidate(c.effect) for c in first])
-        promises = diagnosis.promises([c.effect for c in first])
-        candidates = rank([diagnosis.try_promised(e, promises, TRIED_AGAIN) for e in promises])
+        candidates = diagnosis.try_beside_others([c.effect for c in first])
     return steps, candidates
 
 
