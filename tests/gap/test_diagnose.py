@@ -1,20 +1,30 @@
 """The verdict on campaigns made by an image formation that shares no code with the fit."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from cases import generated_case
 
 from effects import pipeline
-from gap.diagnose import Candidate, Diagnosis, climb, is_there, overall_gap, split_by_station, verdict_of
+from gap.diagnose import (
+    Candidate,
+    Diagnosis,
+    climb,
+    is_there,
+    overall_gap,
+    split_by_station,
+    verdict_of,
+)
 from gap.fit import Fitter, flatten
 
 CANDIDATES = ["radial_distortion", "focal_length", "lens_blur", "exposure", "marker_scale", "principal_point"]
 
 
-def climbed(case):
-    diagnosis = Diagnosis(case, CANDIDATES)
+def climbed(case, candidates=CANDIDATES):
+    diagnosis = Diagnosis(case, candidates)
     diagnosis.set_base([])
-    steps, _ = climb(diagnosis, [diagnosis.try_effect(e) for e in CANDIDATES])
+    steps, _ = climb(diagnosis, [diagnosis.try_effect(e) for e in candidates])
     return diagnosis, steps
 
 
@@ -35,6 +45,20 @@ def test_stations_are_split_whole(nothing_hidden):
     train, test = split_by_station(nothing_hidden)
     stations = [{nothing_hidden.captures[i].view.station for i in part} for part in (train, test)]
     assert stations[0] and stations[1] and not stations[0] & stations[1]
+
+
+def test_held_out_plates_lie_where_some_were_fitted():
+    """Stations that see the left half only, all fitted, would leave the right half to what a warp does where it saw nothing."""
+
+    def capture(station, column_px):
+        corners = column_px + np.array([[0.0, 0.0], [9.0, 0.0], [9.0, 9.0], [0.0, 9.0]])[None]
+        seen = SimpleNamespace(corners=corners, measured=np.array([True]))
+        return SimpleNamespace(view=SimpleNamespace(station=station), observation=seen)
+
+    case = SimpleNamespace(captures=[capture(s, x) for s, x in (("a", 50), ("b", 800), ("c", 810), ("d", 60))])
+    train, test = split_by_station(case)
+    assert len(train) == len(test) == 2
+    assert len({0, 3} & set(train)) == 1
 
 
 @pytest.mark.parametrize("effect", sorted(pipeline.available_effects()))
@@ -64,6 +88,14 @@ def test_a_single_hidden_effect_is_named_and_measured(tmp_path, effect, paramete
     assert [s.effect for s in steps] == [effect]
     hidden = truth["effects"][0]["library_parameters"][library]
     assert abs(dict(diagnosis.effects)[effect][parameter] - hidden) < tolerance
+
+
+def test_what_the_first_step_made_up_for_is_found_beside_it(tmp_path):
+    """A curve that is fitted alone takes up how noise moves clipped black: noise tried beside that curve seems to do harm."""
+    case, truth = generated_case(tmp_path, "pair", "sensor_noise", seed="noise and curve 4")
+    assert [e["effect"] for e in truth["effects"]] == ["sensor_noise", "tone_curve"]
+    _, steps = climbed(case, ["sensor_noise", "tone_curve", "fixed_pattern_noise"])
+    assert {s.effect for s in steps} == {"sensor_noise", "tone_curve"}
 
 
 def test_a_gap_that_is_left_is_never_called_adequate():
