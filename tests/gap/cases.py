@@ -11,10 +11,10 @@ from lay_down_trials import lay_down_trial
 from register_captures import register_captures
 
 
-def generated_case(folder, kind, effect=None, seed="gap tests", strength=1.0):
-    """Return (Case with everything measured, truth) of a small generated campaign laid down in a folder."""
+def generated_case(folder, kind, effect=None, seed="gap tests", strength=1.0, index=0, size="small"):
+    """Return (Case with everything measured, truth) of a generated campaign laid down in a folder."""
     name, truth = lay_down_trial(
-        folder / "c", folder / "e", kind, 0, seed, effect=effect, strength=strength, size="small"
+        folder / "c", folder / "e", kind, index, seed, effect=effect, strength=strength, size=size
     )
     campaign = folder / "c" / name
     expand_tables(campaign, None, None, folder / "expand")
