@@ -523,13 +523,13 @@ def gains_by_station(case, before, after):
 def is_there(effect, values, errors):
     """Return whether some parameter is farther from its null than is worth naming and than three standard errors.
 
-    One that only says how another acts tells nothing.
+    One that only says how another acts tells nothing. Of many waves, which stand in for one another, none need be certain
+    by itself: together they must be worth naming, and what they gain on captures that no fit saw says how certain they are.
     """
-    return any(
-        abs(values[k] - p.null) > max(p.matters, 3 * errors[k])
-        for k, p in effect_parameters(effect).items()
-        if not p.qualifies
-    )
+    acting = {k: p for k, p in effect_parameters(effect).items() if not p.qualifies}
+    if len(acting) > MANY_PARAMETERS:
+        return math.hypot(*((values[k] - p.null) / p.matters for k, p in acting.items())) > 1
+    return any(abs(values[k] - p.null) > max(p.matters, 3 * errors[k]) for k, p in acting.items())
 
 
 def rank(candidates):
@@ -664,8 +664,8 @@ def conclude(diagnosis, first, most_steps=6, progress=None):
     The best first step is not always on the best way: where it leaves its own group of observables open, or comes near
     and stays open, the next best ones are tried as well. What can mimic anything of its kind, a warp of many waves,
     competes only where the others leave a gap.
-    Where most of the gap stays, and no step closed the group of observables in which it gained most, what helped is a
-    patch on something else: it gets no name, and the base is restored.
+    Where most of the gap stays, and no step closed the group of observables in which it gained most, a good share of it all,
+    what helped is a patch on something else: it gets no name, and the base is restored.
     """
     start = Outcome([], rank(first), "unexplained", 1.0, diagnosis.effects, diagnosis.poses)
     before, excess = diagnosis.excess, max(sum(diagnosis.excess.values()), 1.0)
@@ -682,7 +682,7 @@ def conclude(diagnosis, first, most_steps=6, progress=None):
     if best.verdict == "unexplained":
         best = _with_flexible(diagnosis, first, start, best, excess, most_steps, progress)
     diagnosis.rebase(best.effects, best.poses)
-    closed = any(not _is_open(diagnosis, step.main_group, before) for step in best.steps)
+    closed = any(_closes_a_good_share(diagnosis, step.main_group, before) for step in best.steps)
     if best.verdict == "unexplained" and best.share_left > HARDLY_CLOSED and not closed:
         best = start
         diagnosis.rebase(best.effects, best.poses)
@@ -747,6 +747,10 @@ def main_group(candidate):
 
 def _is_open(diagnosis, group, before):
     return diagnosis.excess[group] > CLOSED * before[group]
+
+
+def _closes_a_good_share(diagnosis, group, before):
+    return before[group] > LEAST_SHARE * sum(before.values()) and not _is_open(diagnosis, group, before)
 
 
 def unneeded(diagnosis, names):

@@ -11,7 +11,9 @@ from gap.diagnose import (
     Candidate,
     Diagnosis,
     climb,
+    conclude,
     is_there,
+    null_of,
     overall_gap,
     split_by_station,
     verdict_of,
@@ -98,6 +100,16 @@ def test_what_the_first_step_made_up_for_is_found_beside_it(tmp_path):
     assert {s.effect for s in steps} == {"sensor_noise", "tone_curve"}
 
 
+def test_what_closes_a_small_part_of_a_stranger_gets_no_name(tmp_path):
+    """Stuck pixels move the mean of flats: a curve and noise follow that, and are not what is missing."""
+    case, _ = generated_case(tmp_path, "outside", seed="meridian", index=29, size="standard")
+    candidates = ["tone_curve", "sensor_noise"]
+    diagnosis = Diagnosis(case, candidates)
+    diagnosis.set_base([])
+    found = conclude(diagnosis, [diagnosis.try_effect(e) for e in candidates])
+    assert (found.verdict, found.steps) == ("unexplained", [])
+
+
 def test_a_gap_that_is_left_is_never_called_adequate():
     """A few wild captures make the jackknife's error large: that must not excuse the gap."""
     assert verdict_of([], gap=4.0, gap_se=1.6) == "unexplained"
@@ -112,6 +124,14 @@ def test_a_gap_that_is_left_is_never_called_adequate():
 def test_an_effect_is_there_only_where_it_is_certain_and_large_enough(sigma_px, error, there):
     """Without the first bound chance gets names, without the second every synthesis that is off by a hair does."""
     assert is_there("lens_blur", {"sigma_px": sigma_px}, {"sigma_px": error}) == there
+
+
+def test_a_warp_is_there_though_none_of_its_waves_is_certain_by_itself():
+    """Waves stand in for one another where plates are few: asked one by one, none is certain of a warp of many pixels."""
+    waves = null_of("local_warp")
+    uncertain = dict.fromkeys(waves, 0.3)
+    assert is_there("local_warp", dict.fromkeys(waves, 0.2), uncertain)
+    assert not is_there("local_warp", dict.fromkeys(waves, 0.01), uncertain)
 
 
 def test_strong_fringes_are_fitted_from_afar(tmp_path):
