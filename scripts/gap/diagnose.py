@@ -330,22 +330,41 @@ class Diagnosis:
         self.fixed = {n for n, _ in record["effects"]} - {key.split(".")[0] for key in record["errors"]}
         self.rebase([(n, p) for n, p in record["effects"]], np.array(record["poses"]))
 
-    def promise(self, effect):
+    def promise(self, effect, beside=None):
         """Return the training loss that an effect could gain, to first order: about its null, or towards a start.
 
-        Cheap (a prediction for each parameter and start); what promises next to nothing is not fitted.
+        Cheap (a prediction for each parameter and start); what promises next to nothing is not fitted. ``beside`` are the
+        derivatives {i: (n, k)} by the base's free parameters, which then go along: they may have made up for the effect.
         """
         free = [(effect, k) for k in null_of(effect)]
         effects = self.effects + [(effect, null_of(effect))]
         indices, groups, nu = self._probed(effects)
         derivatives = self.fitter.derivatives(effects, free, self.poses, groups, indices, start_step)
-        H, g, _ = self.fitter.normal_equations(derivatives, groups, nu, prior_equations(effects, free))
-        scale = np.sqrt(np.maximum(np.diag(H), 1e-12))
-        g, H = g / scale, H / np.outer(scale, scale)
-        gain = float(g @ np.linalg.lstsq(H + 1e-6 * np.eye(len(g)), g, rcond=None)[0])
+        if beside is None:
+            gain = self._first_order_gain(effects, free, derivatives, groups, nu)
+        else:
+            alone = {i: (beside[i], Jp) for i, (_, Jp) in derivatives.items()}
+            together = {i: (np.hstack([Jt, beside[i]]), Jp) for i, (Jt, Jp) in derivatives.items()}
+            gain = self._first_order_gain(effects, free + self.free(), together, groups, nu)
+            gain -= self._first_order_gain(effects, self.free(), alone, groups, nu)
         starts = starts_of(effect)
         towards, _ = self.start_promises(effect, starts) if len(starts) > 1 else ([], [])
         return max([gain * len(self.train) / max(len(indices), 1), *towards])
+
+    def _first_order_gain(self, effects, free, derivatives, groups, nu):
+        """Return the loss that a Gauss-Newton step of the free parameters would gain."""
+        H, g, _ = self.fitter.normal_equations(derivatives, groups, nu, prior_equations(effects, free))
+        scale = np.sqrt(np.maximum(np.diag(H), 1e-12))
+        g, H = g / scale, H / np.outer(scale, scale)
+        return float(g @ np.linalg.lstsq(H + 1e-6 * np.eye(len(g)), g, rcond=None)[0])
+
+    def _beside(self):
+        """Return the derivatives {i: (n, k)} of the probes by the base's free parameters; None where they are none or many."""
+        if not 0 < len(self.free()) <= MANY_PARAMETERS:
+            return None
+        indices, groups, _ = self._probed(self.effects)
+        derivatives = self.fitter.derivatives(self.effects, self.free(), self.poses, groups, indices)
+        return {i: Jt for i, (Jt, _) in derivatives.items()}
 
     def start_promises(self, effect, starts):
         """Return for each of an effect's starts what going some of the way there gains, and the loss of the start itself.
@@ -400,7 +419,8 @@ class Diagnosis:
     def promises(self, names=None):
         """Return {effect: promise} of candidates (all, or some names) that the base has not."""
         names = self.candidates if names is None else names
-        return {name: self.promise(name) for name in names if name not in dict(self.effects)}
+        beside = self._beside()
+        return {name: self.promise(name, beside) for name in names if name not in dict(self.effects)}
 
     def try_promised(self, effect, promises, most=TRIED):
         """Return the Candidate of an effect: fitted where it is among the ``most`` promising, else at its null."""

@@ -100,6 +100,16 @@ def test_what_the_first_step_made_up_for_is_found_beside_it(tmp_path):
     assert {s.effect for s in steps} == {"sensor_noise", "tone_curve"}
 
 
+def test_glare_promises_much_beside_a_curve_that_took_it_up(tmp_path):
+    """A curve that was fitted alone has taken up how glare lifts black: a promise with that curve held would be next to none."""
+    case, _ = generated_case(tmp_path, "pair", seed="meridian", index=11, size="standard")
+    diagnosis = Diagnosis(case)
+    diagnosis.set_base([])
+    diagnosis.adopt(diagnosis.try_effect("tone_curve"))
+    promises = diagnosis.promises(["veiling_glare", "denoising", "sensor_noise", "specular_highlight"])
+    assert max(promises, key=promises.get) == "veiling_glare"
+
+
 def test_what_closes_a_small_part_of_a_stranger_gets_no_name(tmp_path):
     """Stuck pixels move the mean of flats: a curve and noise follow that, and are not what is missing."""
     case, _ = generated_case(tmp_path, "outside", seed="meridian", index=29, size="standard")
