@@ -473,7 +473,8 @@ class Diagnosis:
 
     def _candidate(self, effect, fit, poses, groups):
         values = dict(fit.state.effects)[effect]
-        errors = dict(zip(values, np.sqrt(np.maximum(np.diag(fit.covariance), 0)), strict=False))  # its own come first
+        own = np.diag(fit.covariance)[: len(values)]  # they come first
+        errors = dict(zip(values, np.sqrt(np.maximum(own, 0)), strict=True))
         losses = losses_of(groups)
         gains = gains_by_station(self.case, self.base_losses, losses)
         candidate = Candidate(

@@ -191,9 +191,9 @@ def agreeing(starts, corners, measured):
     """Return which of the measured plates (p,) lie, to within their code's side, where the others' move from their starts
     puts them: what is farther off is another plate.
     """
-    expected = follow_neighbours(starts, starts, corners, measured)
     if measured.sum() < FEWEST_TO_FOLLOW:
         return measured
+    expected = follow_neighbours(starts, starts, corners, measured)
     off = np.abs(corners.mean(1) - expected.mean(1)).max(-1)
     return measured & ~(off > code_sides_px(expected))
 
