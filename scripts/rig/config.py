@@ -88,7 +88,7 @@ class BlindTrials(Settings):
     pair: int = Field(10, ge=0, le=10_000, description="two effects")
     none: int = Field(10, ge=0, le=10_000, description="nothing")
     outside: int = Field(10, ge=0, le=10_000, description="an effect that the library lacks; 10 hide each once")
-    power: int = Field(0, ge=0, le=10_000, description="strengths 0.25, 0.5, 1, 2 of an effect; 116 try each once")
+    power: int = Field(0, ge=0, le=10_000, description="strengths 0.25, 0.5, 1 of an effect; 87 try each once")
     size: Literal["standard", "small", "tiny"] = Field(
         "standard", description="standard: 20 captures of half a megapixel; small: 8; tiny: 4"
     )

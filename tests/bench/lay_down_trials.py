@@ -43,7 +43,7 @@ def lay_down_trial(out, envelopes, kind, index, seed, effect=None, strength=None
     """Lay down trial ``index`` below ``out`` and its envelope below ``envelopes``; return the campaign's name
     and truth.
 
-    Without ``strength``: 1, and for ``power`` the four of ``POWER_STRENGTHS`` in turn. The same seed and
+    Without ``strength``: 1, and for ``power`` the ``POWER_STRENGTHS`` in turn. The same seed and
     index give the same campaign whatever else is laid down; power trials of one effect and round share the
     draw and differ in strength only.
     """
@@ -70,7 +70,7 @@ def main(argv=None):
     parser.add_argument("--first", type=int, default=0, help="index of the first trial, to go on or to share the work")
     parser.add_argument("--seed", required=True, help="a name; the same name gives the same trials")
     parser.add_argument("--effect", choices=[*LIBRARY, *OUTSIDE], help="hide this one instead of a drawn one")
-    parser.add_argument("--strength", type=float, help="1 is clear; 0.25, 0.5, 2 for power curves")
+    parser.add_argument("--strength", type=float, help="1 is clear; 0.25 and 0.5 for power curves")
     parser.add_argument("--size", choices=list(nominal.CAMERAS), default="standard")
     a = parser.parse_args(argv)
     if Path(a.envelopes).resolve().is_relative_to(Path(a.out).resolve()):

@@ -99,9 +99,15 @@ def parameter_rows(verdict, truth):
     return rows
 
 
+def counted_as(trials):
+    """Return each trial's kind; a power trial at strength 1 is drawn as a single one is, and counts as one."""
+    return trials.kind.mask((trials.kind == "power") & (trials.strength == 1), "single")
+
+
 def shares(trials, parameters):
     """Return the table of aims: what, aim, successes, number, share and its 95 % interval (all in percent)."""
-    by = {kind: trials[trials.kind == kind] for kind in ("single", "pair", "none", "outside")}
+    kinds = counted_as(trials)
+    by = {kind: trials[kinds == kind] for kind in ("single", "pair", "none", "outside")}
     outside = by["outside"]
     named_wrongly = outside.named != ""
     closed = pd.concat([by["single"], by["pair"]])
@@ -136,7 +142,7 @@ def shares(trials, parameters):
 
 def confusion_of(trials):
     """Return the confusion matrix of single trials: hidden effects in rows, what was named first in columns."""
-    single = trials[trials.kind.isin(["single", "none", "outside"])]
+    single = trials[counted_as(trials).isin(["single", "none", "outside"])]
     hidden = single.hidden.replace("", NOTHING)
     said = single.named.str.split().str[0].fillna(single.verdict.map({"adequate": NOTHING}).fillna("(unexplained)"))
     table = pd.crosstab(hidden, said)

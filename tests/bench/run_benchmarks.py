@@ -16,7 +16,7 @@ RUNS = [
 ]
 BLIND_TRIALS = [
     *("-m", "snakemake", "--quiet", "all", "--cores", "2", "blind_trials"),
-    *("--config", "blind_trials={single: 203, pair: 60, none: 100, outside: 60, power: 116}"),
+    *("--config", "blind_trials={single: 174, pair: 60, none: 100, outside: 60, power: 87}"),
 ]
 
 if __name__ == "__main__":

@@ -3,13 +3,13 @@
 import hashlib
 
 KINDS = ("single", "pair", "none", "outside", "power")
-POWER_STRENGTHS = (0.25, 0.5, 1.0, 2.0)
+POWER_STRENGTHS = (0.25, 0.5, 1.0)
 
 
 def identity(kind, index, seed, effect=None, strength=None, size="standard"):
     """Return (the campaign's name, the name that seeds it, its strength) of a trial.
 
-    Without ``strength``: 1, and for ``power`` the four of ``POWER_STRENGTHS`` in turn.
+    Without ``strength``: 1, and for ``power`` the ``POWER_STRENGTHS`` in turn.
     """
     if strength is None:
         strength = POWER_STRENGTHS[index % len(POWER_STRENGTHS)] if kind == "power" else 1.0
