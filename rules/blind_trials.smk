@@ -43,7 +43,7 @@ rule lay_down_trial:
 rule diagnose_trial:
     input:
         campaign=f"{TRIALS_FOLDER}/campaigns/{{trial}}",
-        code=GAP_CODE,
+        code=GAP_CODE + modules("gap/climb.py"),
         effect_code=modules(*[f"effects/{name}.py" for name in CANDIDATES]),
     output:
         f"{TRIALS_FOLDER}/verdicts/{{trial}}.json",

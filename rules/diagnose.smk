@@ -8,7 +8,12 @@ the fit draws the known plates itself (scripts/gap/synthesis.py, held to Blender
 GAP_CODE = modules(
     "job.py",
     "case_files.py",
-    *[f"effects/{name}.py" for name in ("base", "encoding", "filters", "pipeline")],
+    "detectors/_opencv.py",
+    "detectors/contract.py",
+    *[
+        f"effects/{name}.py"
+        for name in ("base", "encoding", "filters", "pipeline", "resampling")
+    ],
     *[
         f"gap/{name}.py"
         for name in (
@@ -17,9 +22,11 @@ GAP_CODE = modules(
             "finder",
             "fit",
             "flats",
+            "floors",
             "observe",
             "patch",
             "raster",
+            "split",
             "synthesis",
         )
     ],
@@ -95,7 +102,13 @@ rule diagnose_camera:
             f"{RESULTS}/diagnosis/{{{{camera}}}}/candidates/{{effect}}.json",
             effect=CANDIDATES,
         ),
-        code=modules("gap/finder.py", "gap/ladder.py", "gap/where.py", "try_effect.py"),
+        code=modules(
+            "gap/climb.py",
+            "gap/ladder.py",
+            "gap/next_station.py",
+            "gap/where.py",
+            "try_effect.py",
+        ),
     output:
         verdict=f"{RESULTS}/diagnosis/{{camera}}.json",
         ladder=f"{RESULTS}/diagnosis/{{camera}}/ladder.csv",
@@ -141,7 +154,10 @@ if not HAS_MARKERS:
                 "job.py",
                 "effects/base.py",
                 "effects/pipeline.py",
+                "gap/climb.py",
+                "gap/diagnose.py",
                 "gap/fit.py",
+                "gap/ladder.py",
                 "gap/points.py",
                 "register_captures.py",
                 "rig/boards.py",

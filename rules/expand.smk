@@ -7,6 +7,7 @@ which is made anew only when something of that camera changed: another camera's 
 EXPAND_CODE = modules(
     "job.py",
     "rig/campaign.py",
+    "rig/errors.py",
     "rig/experiment.py",
     "rig/geometry.py",
     "rig/plates.py",

@@ -14,7 +14,8 @@ import job
 from effects import pipeline
 from effects.base import View
 from gap import ladder, points
-from gap.diagnose import ENOUGH, MANY_PARAMETERS, null_of
+from gap.climb import ENOUGH
+from gap.diagnose import MANY_PARAMETERS, null_of
 from register_captures import better_finder, board_finder, look_at_captures, usable_views
 from rig import calibration, tables
 from rig.campaign import Board

@@ -15,16 +15,11 @@ import pandas as pd
 import job
 from case_files import read_capture
 from gap import ladder
-from gap.diagnose import (
-    Candidate,
-    conclude,
-    gap_error,
-    group_gaps,
-    overall_gap,
-    rank,
-    suggested_station,
-)
+from gap.climb import conclude
+from gap.diagnose import Candidate, rank
 from gap.fit import flatten
+from gap.floors import gap_error, group_gaps, overall_gap
+from gap.next_station import suggested_station
 from gap.where import explained_shares, field_gaps, noise_gaps, plate_gaps
 from job import seed_of
 from try_effect import clean, restored

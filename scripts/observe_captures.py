@@ -12,7 +12,8 @@ from tqdm import tqdm
 
 import job
 from case_files import load_case, read_capture, save_observations
-from gap.diagnose import Diagnosis, group_gaps, is_promising
+from gap.diagnose import Diagnosis, is_promising
+from gap.floors import group_gaps
 
 log = logging.getLogger("twingap")
 

@@ -3,7 +3,11 @@
 The campaign shows no marker at all, which is a result (coverage 0) and no crash.
 """
 
+import ast
+import base64
+import json
 import re
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -12,6 +16,9 @@ from tiny_campaign import CAPTURES, lay_down
 from workflow_runs import copy_project, snakemake
 
 CONFIG = ("detectors={aruco_subpix: null}", "diagnose={candidates: [lens_blur]}", "render={edge_samples: 16}")
+UNLISTED = {  # renders look up their effects in the pipeline, and use nothing else of it
+    "render_stations": {f"scripts/effects/{name}.py" for name in ("encoding", "pipeline", "resampling")}
+}
 
 
 @pytest.fixture(scope="module")
@@ -116,3 +123,73 @@ def test_a_bumped_dependency_reruns_what_uses_it(done):
         undo()
     assert {"run_overview", "run_tables", "build_report"} <= set(plan)
     assert not {"render_stations", "detect_captures"} & set(plan)
+
+
+def imported(path, project):
+    """Return the project's modules (relative paths) that a Python file or a notebook imports, and those that they import."""
+    found, waiting = set(), [path]
+    while waiting:
+        here = waiting.pop()
+        for name in names_imported(source_of(project / here)):
+            for folder in ("scripts", "notebooks"):
+                module = f"{folder}/{name.replace('.', '/')}.py"
+                if (project / module).is_file() and module not in found:
+                    found.add(module)
+                    waiting.append(module)
+    return found
+
+
+def source_of(path):
+    """Return the Python text of a module or of a notebook's code cells."""
+    if path.suffix == ".py":
+        return path.read_text()
+    cells = json.loads(path.read_text())["cells"]
+    return "\n".join("".join(c["source"]) for c in cells if c["cell_type"] == "code")
+
+
+def names_imported(source):
+    """Return the dotted names that a text imports; of ``from a import b`` both ``a`` and ``a.b``."""
+    names = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return names
+
+
+def jobs_of(project):
+    """Return {output: (rule, inputs)} as Snakemake wrote them down."""
+    jobs = {}
+    for file in (project / ".snakemake/metadata").rglob("*"):
+        if file.is_file():
+            record = json.loads(file.read_text())
+            encoded = str(file.relative_to(project / ".snakemake/metadata")).replace("/@", "")
+            jobs[base64.b64decode(encoded).decode()] = (record["rule"], record["input"])
+    return jobs
+
+
+def inputs_behind(output, jobs):
+    """Return all files that an output was made from, directly or by way of others."""
+    seen, waiting = set(), [output]
+    while waiting:
+        _, inputs = jobs.get(waiting.pop(), ("", []))
+        waiting += [i for i in inputs if i not in seen]
+        seen |= set(inputs)
+    return seen
+
+
+def test_what_a_job_imports_is_behind_its_result(done):
+    """Snakemake sees no imports: a module that no rule lists could be edited, and old numbers would stay."""
+    project, _ = done
+    rules = "\n".join(path.read_text() for path in sorted((project / "rules").glob("*.smk")))
+    scripts = re.findall(r"rule (\w+):\n(?:(?!rule ).*\n)*? +script:\n +\"\.\./(.+)\"", rules)
+    jobs, missing = jobs_of(project), {}
+    assert {rule for rule, _ in jobs.values()} >= {"observe_captures", "make_tables", "build_report"}
+    for output, (rule, inputs) in jobs.items():
+        sources = [s for name, s in scripts if name == rule] + [i for i in inputs if i.endswith(".ipynb")]
+        needed = {m for s in sources if Path(project, s).suffix in (".py", ".ipynb") for m in imported(s, project)}
+        unlisted = needed - inputs_behind(output, jobs) - UNLISTED.get(rule, set())
+        if unlisted:
+            missing[rule] = sorted(unlisted)
+    assert missing == {}

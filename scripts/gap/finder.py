@@ -1,22 +1,24 @@
 """OpenCV's ArUco as it comes, on the codes of the rig: which are in an image, where, and at which pose."""
 
+import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from detectors import contract
+from detectors._opencv import OpenCvDetector
 from gap.observe import grey_of
 from rig.geometry import rotation_angle_deg
 
-DETECTOR = "aruco"
-
 
 class Finder:
-    """Finds the codes of a scene's plates in real and twin images alike."""
+    """Finds the codes of a scene's plates in real and twin images alike; no work on a detector under test moves it."""
 
     def __init__(self, scene, codes, K):
         self.index = {p.name: k for k, p in enumerate(scene.plates)}
         self.half_code = codes.half_code
-        self.detector = contract.make(DETECTOR, sorted({name.split("/")[0] for name in self.index}))
+        self.detector = OpenCvDetector(
+            sorted({name.split("/")[0] for name in self.index}), cv2.aruco.DetectorParameters()
+        )
         self.K = K
 
     def corners(self, image):

@@ -6,6 +6,7 @@ Errors are taken at each capture's own pose, estimated under its prior, and comp
 
 import numpy as np
 
+from gap.floors import overall_gap
 from gap.observe import wholly_inside
 from job import seed_of
 
@@ -95,8 +96,6 @@ def control_errors(diagnosis, finder, effects, poses, images, floors):
 
 def summary(parts, measure, floors):
     """Return one measure over captures {index: errors}; NaN where nothing was compared."""
-    from gap.diagnose import overall_gap
-
     parts = list(parts.values())
     if measure == "gap":
         return overall_gap({k: p["groups"] for k, p in enumerate(parts)}, floors)

@@ -18,7 +18,9 @@ import job
 from case_files import load_case, read_capture
 from diagnose_camera import ranked, step_records
 from expand_tables import expand_tables
-from gap.diagnose import Diagnosis, conclude, group_gaps
+from gap.climb import conclude
+from gap.diagnose import Diagnosis
+from gap.floors import group_gaps
 from register_captures import register_captures
 from try_effect import clean
 

@@ -7,18 +7,11 @@ import pytest
 from cases import generated_case
 
 from effects import pipeline
-from gap.diagnose import (
-    Candidate,
-    Diagnosis,
-    climb,
-    conclude,
-    is_there,
-    null_of,
-    overall_gap,
-    split_by_station,
-    verdict_of,
-)
+from gap.climb import climb, conclude, verdict_of
+from gap.diagnose import Candidate, Diagnosis, is_there, null_of
 from gap.fit import Fitter, flatten
+from gap.floors import overall_gap
+from gap.split import split_by_station
 
 CANDIDATES = ["radial_distortion", "focal_length", "lens_blur", "exposure", "marker_scale", "principal_point"]
 

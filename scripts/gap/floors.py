@@ -1,0 +1,85 @@
+"""Losses and gaps of residual groups {capture index: {group: residuals}}, and the floor: how far repeats lie apart."""
+
+import numpy as np
+
+from gap.fit import RHO_NOISE, flatten, rho
+
+GAP_GROUPS = ("corners", "levels", "edges", "colour", "field", "noise")
+# Floors come from trials; they differ by more only where the twin is still wrong
+SMALLEST_FLOOR = {"corners": 0.25, "edges": 0.25, "levels": 0.5, "colour": 0.5, "field": 0.5, "noise": 0.5}
+LARGEST_FLOOR = 1.5
+
+
+def group_gaps(groups, floors):
+    """Return {group: gap} over captures' residual groups, in units of the floor."""
+    out = {}
+    for name in GAP_GROUPS:
+        values = [g[name].ravel() for g in groups.values() if name in g and g[name].size]
+        if values:
+            out[name] = float(np.sqrt(rho(np.concatenate(values)).mean() / RHO_NOISE) / floors.get(name, 1.0))
+    return out
+
+
+def overall_gap(groups, floors):
+    """Return the root mean square over the groups of observables."""
+    return float(np.sqrt(np.mean([v**2 for v in group_gaps(groups, floors).values()])))
+
+
+def gap_error(groups, floors):
+    """Return the jackknife standard error over captures of the overall gap."""
+    if len(groups) < 2:
+        return float("nan")
+    keys = list(groups)
+    left_out = [overall_gap({k: groups[k] for k in keys if k != out}, floors) for out in keys]
+    n = len(keys)
+    return float(np.sqrt((n - 1) / n * ((np.array(left_out) - np.mean(left_out)) ** 2).sum()))
+
+
+def floors_of(case, groups):
+    """Return {group: floor}: how far trials of one station lie apart, in whitened units.
+
+    Differences of two trials' residuals, over the square root of two, free of what the twin lacks.
+    """
+    pairs = {}
+    for i in groups:
+        pairs.setdefault(case.captures[i].view.station, []).append(i)
+    differences = {name: [] for name in GAP_GROUPS}
+    for members in pairs.values():
+        for a, b in zip(members[:-1], members[1:], strict=True):
+            oa, ob = case.captures[a].observation, case.captures[b].observation
+            both = oa.measured & ob.measured
+            pick_a, pick_b = both[oa.measured], both[ob.measured]
+            for name in GAP_GROUPS:
+                if name not in groups[a] or name not in groups[b]:
+                    continue
+                ya, yb = groups[a][name], groups[b][name]
+                if ya.ndim == 2:
+                    ya, yb = ya[pick_a], yb[pick_b]
+                if ya.shape == yb.shape:
+                    differences[name].append(((ya - yb) / np.sqrt(2)).ravel())
+    floors = {}
+    for name, values in differences.items():
+        if values and sum(v.size for v in values) >= 20:
+            floors[name] = float(
+                np.clip(np.sqrt(rho(np.concatenate(values)).mean() / RHO_NOISE), SMALLEST_FLOOR[name], LARGEST_FLOOR)
+            )
+    return floors
+
+
+def losses_of(groups):
+    """Return {capture index: loss}."""
+    return {i: float(rho(flatten(g)).sum()) for i, g in groups.items()}
+
+
+def group_losses(groups):
+    """Return {group: loss} over captures."""
+    names = sorted({name for g in groups.values() for name in g})
+    return {n: float(sum(rho(g[n]).sum() for g in groups.values() if n in g)) for n in names}
+
+
+def excess_of(groups, floors):
+    """Return {group: loss above what repeats of a station would show}, none below 0."""
+    sizes = {n: sum(g[n].size for g in groups.values() if n in g) for n in group_losses(groups)}
+    return {
+        n: max(loss - RHO_NOISE * sizes[n] * floors.get(n, 1.0) ** 2, 0.0) for n, loss in group_losses(groups).items()
+    }
