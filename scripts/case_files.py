@@ -44,7 +44,7 @@ def load_case(expand, register_json, camera):
     stations = pd.read_csv(expand / "stations.csv", dtype={"station": str})
     stations = stations[stations.camera == camera].set_index("station")
     K = camera_matrix(*(float(intrinsics[k]) for k in ("fx", "fy", "cx", "cy")))
-    exposure, encoding = float(facts["exposure"]), facts["encoding"]
+    exposure, encoding, noise_dn = float(facts["exposure"]), facts["encoding"], float(facts["noise_dn"])
     codes = Codes.of(scene.plates, [scene.white, scene.black, scene.ground], encoding_table(encoding, exposure))
     tolerance = facts.get("tolerance") or {}
     sigma = np.array(
@@ -65,11 +65,12 @@ def load_case(expand, register_json, camera):
             row.station,
             exposure,
             encoding,
+            noise_dn,
         )
         made.append(Capture(view, int(row.trial)))
     if not made:
         raise InputError(f"{expand}/captures.csv: camera {camera} has no captures; a diagnosis needs photographs")
-    case = Case(facts["name"], camera, scene, codes, made, float(facts.get("noise_dn") or 0.0), sigma)
+    case = Case(facts["name"], camera, scene, codes, made, sigma)
     return case, captures
 
 

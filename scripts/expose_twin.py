@@ -38,7 +38,7 @@ def views_of(expand, register_json, camera, poses):
             continue
         yield capture, View(
             K, int(sizes.width), int(sizes.height), 0, poses[station], camera, capture, station,
-            float(facts["exposure"]), facts["encoding"],
+            float(facts["exposure"]), facts["encoding"], float(facts["noise_dn"]),
         )  # fmt: skip
 
 
@@ -61,7 +61,7 @@ def expose_twin(expand, register_json, manifest, camera, effects, seed, out):
             radiance, margin = read_station(Path(manifest).parent, record["stations"][view.station])
             view = replace(view, margin=margin)
             rng = np.random.default_rng(job.seed_of(seed, facts["name"], camera, capture, "expose"))
-            image = pipeline.to_uint8(pipeline.form_image(radiance, view, chosen, facts["noise_dn"], rng))
+            image = pipeline.to_uint8(pipeline.form_image(radiance, view, chosen, rng))
             pixels = image[..., 0] if image.shape[2] == 1 else image[..., ::-1]
             ok, data = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 3])
             if not ok:

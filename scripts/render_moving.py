@@ -108,7 +108,7 @@ def render_moving(experiment, trajectory, store, out, timing):
 def write_frames(moving, trajectory, store, keys, out):
     """Write the stored renders as PNG with the camera's noise, each frame with noise of its own."""
     height, width = moving.shape
-    view = View(moving.K, width, height, 0, np.eye(4), "moving", trajectory, trajectory)
+    view = View(moving.K, width, height, 0, np.eye(4), "moving", trajectory, trajectory, noise_dn=moving.file.noise_dn)
     unfinished = out.with_name(out.name + ".unfinished")
     shutil.rmtree(unfinished, ignore_errors=True)
     unfinished.mkdir(parents=True)
@@ -118,7 +118,7 @@ def write_frames(moving, trajectory, store, keys, out):
             rng = np.random.default_rng(
                 job.seed_of(moving.file.seed, "moving", moving.file.name, trajectory, frame, "noise")
             )
-            image = pipeline.to_uint8(pipeline.form_image(radiance, view, [], moving.file.noise_dn, rng))
+            image = pipeline.to_uint8(pipeline.form_image(radiance, view, [], rng))
             ok, data = cv2.imencode(".png", image[..., 0], [cv2.IMWRITE_PNG_COMPRESSION, 3])
             if not ok:
                 raise RuntimeError(f"{trajectory}, frame {frame}: PNG encoding failed")

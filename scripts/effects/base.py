@@ -71,6 +71,7 @@ class View:
     camera, capture, station  names, for seeds
     exposure     scale from radiance to linear image value
     encoding     ``srgb`` or ``linear``
+    noise_dn     standard deviation of the declared noise, grey levels; the expected image has none of it
     """
 
     K: np.ndarray
@@ -83,6 +84,7 @@ class View:
     station: str
     exposure: float = 1.0
     encoding: str = "srgb"
+    noise_dn: float = 0.0
 
 
 def light_factor(light, x, y):

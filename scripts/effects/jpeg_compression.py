@@ -5,13 +5,16 @@ images are stored with half the resolution of colour. Source: ITU-T T.81, libjpe
 without the margin, so that blocks lie as in the camera.
 
 The expected image is not rounded before it is compressed: noise carries levels between whole numbers into a block's
-mean, and a coarse table makes much of half a level.
+mean, and a coarse table makes much of half a level. Where a block's mean lies within the noise's reach of half a step,
+repeats fall on either side: the expected level lies between (the mean of a dithered quantiser; Widrow and Kollar,
+"Quantization Noise", 2008). Of noise the declared one is known here; a sensor's own is not.
 """
 
 import functools
 
 import cv2
 import numpy as np
+from scipy.special import ndtr
 
 from effects.base import Parameter
 
@@ -23,6 +26,10 @@ BLOCK = 8
 MIDDLE = 128
 # ITU-T T.871: Y, Cb, Cr of red, green, blue
 TO_YCC = np.array([[0.299, 0.587, 0.114], [-0.168736, -0.331264, 0.5], [0.5, -0.418688, -0.081312]], np.float32)
+BRIGHTNESS_NOISE = float(np.linalg.norm(TO_YCC[0]))  # over that of the channels, which are independent
+COLOUR_NOISE = float(np.linalg.norm(TO_YCC[1])) / 2  # of Cb; Cr has 7 % more; four pixels are one
+NO_NOISE = 1e-6
+ROUNDING_DN = 12**-0.5  # standard deviation of what rounding to whole levels adds
 TO_RGB = np.linalg.inv(TO_YCC).astype(np.float32)
 
 
@@ -75,13 +82,50 @@ def _by_blocks(plane, left, right):
     return (down.reshape(-1, BLOCK) @ right).reshape(rows, columns)
 
 
-def quantised(plane, table):
-    """Return a plane (rows, columns) float32 about 0 whose blocks' cosine coefficients are rounded to the table."""
+def quantised(plane, table, noise):
+    """Return the mean of a plane (rows, columns) float32 about 0 after its blocks' coefficients are rounded to the table.
+
+    ``noise``, white, is its standard deviation in the plane's units.
+    """
+    lower, share = _steps_taken(plane, table, noise)
+    return _decoded(lower + share, table, plane.shape)
+
+
+def quantised_both_ways(plane, table, noise):
+    """Return (two ways a quantised plane may be, the second's probability by pixel): their blocks' means lie a step apart.
+
+    A decoder rounds each of them: of a flat, the mean of the two is not what any image shows.
+    """
+    lower, share = _steps_taken(plane, table, noise)
+    coefficients = lower + share
+    means = np.s_[::BLOCK, ::BLOCK]
+    coefficients[means] = lower[means]
+    low = _decoded(coefficients, table, plane.shape)
+    rows, columns = plane.shape
+    by_pixel = np.repeat(np.repeat(share[means], BLOCK, axis=0), BLOCK, axis=1)[:rows, :columns]
+    return low, low + table[0, 0] / BLOCK, by_pixel
+
+
+def _steps_taken(plane, table, noise):
+    """Return (lower of the two steps, probability of the upper) of the cosine coefficients of a plane's blocks.
+
+    The last blocks are filled up. An orthonormal transform leaves white noise as it is.
+    """
     rows, columns = plane.shape
     whole = np.pad(plane, ((0, -rows % BLOCK), (0, -columns % BLOCK)), mode="edge")
-    steps = np.tile(table, (whole.shape[0] // BLOCK, whole.shape[1] // BLOCK))
-    coefficients = np.rint(_by_blocks(whole, COSINES, COSINES.T) / steps) * steps
-    return _by_blocks(coefficients, COSINES.T, COSINES)[:rows, :columns]
+    steps = _tiled(table, whole.shape)
+    coefficients = _by_blocks(whole, COSINES, COSINES.T) / steps
+    lower = np.floor(coefficients)
+    return lower, ndtr((coefficients - lower - 0.5) * steps / np.float32(max(noise, NO_NOISE)))
+
+
+def _decoded(coefficients, table, shape):
+    """Return the plane of coefficients in steps of the table, cut to its shape."""
+    return _by_blocks(coefficients * _tiled(table, coefficients.shape), COSINES.T, COSINES)[: shape[0], : shape[1]]
+
+
+def _tiled(table, shape):
+    return np.tile(table, (shape[0] // BLOCK, shape[1] // BLOCK))
 
 
 def _whole(values):
@@ -89,20 +133,30 @@ def _whole(values):
     return np.clip(np.floor(values + np.float32(0.5)), 0, 255)
 
 
-def expected(image, quality):
-    """Return grey levels (H, W, 1 or 3) float32 as ``compressed`` gives them, of an image that was not rounded."""
+def expected(image, quality, noise_dn):
+    """Return the mean grey levels (H, W, 1 or 3) float32 that ``compressed`` gives of an image, not rounded, under noise.
+
+    ``noise_dn`` is the standard deviation in each of three channels: brightness has less.
+    """
     brightness, colour = tables(quality)
+    noise = BRIGHTNESS_NOISE * noise_dn
     if image.shape[2] == 1:
-        return _whole(quantised(image[..., 0] - MIDDLE, brightness) + MIDDLE)[..., None]
+        low, high, share = quantised_both_ways(image[..., 0] - MIDDLE, brightness, noise)
+        low, high = _whole(low + MIDDLE), _whole(high + MIDDLE)
+        return (low + share * (high - low))[..., None]
     y, *chroma = np.moveaxis(image @ TO_YCC.T, 2, 0)
     height, width = y.shape
-    planes = [quantised(y - MIDDLE, brightness) + MIDDLE]
+    low, high, share = quantised_both_ways(y - MIDDLE, brightness, noise)
+    planes = []
     for plane in chroma:
         even = np.pad(plane, ((0, height % 2), (0, width % 2)), mode="edge")
         half = even.reshape(even.shape[0] // 2, 2, even.shape[1] // 2, 2).mean((1, 3))
-        back = cv2.resize(quantised(half, colour), even.shape[::-1], interpolation=cv2.INTER_LINEAR)
+        back = cv2.resize(
+            quantised(half, colour, COLOUR_NOISE * noise_dn), even.shape[::-1], interpolation=cv2.INTER_LINEAR
+        )
         planes.append(back[:height, :width])
-    return _whole(np.stack(planes, axis=-1) @ TO_RGB.T)
+    low, high = (_whole(np.stack([y + MIDDLE, *planes], axis=-1) @ TO_RGB.T) for y in (low, high))
+    return low + share[..., None] * (high - low)
 
 
 def apply(image, view, p, rng):
@@ -112,7 +166,8 @@ def apply(image, view, p, rng):
     m = view.margin
     frame = (slice(m, m + view.height), slice(m, m + view.width))
     if rng is None:
-        pixels, codec = np.clip(image[frame], 0, 255), expected
+        noise_dn = float(np.hypot(view.noise_dn, ROUNDING_DN))
+        pixels, codec = np.clip(image[frame], 0, 255), functools.partial(expected, noise_dn=noise_dn)
     else:
         pixels, codec = np.clip(np.rint(image[frame]), 0, 255).astype(np.uint8), compressed
     below = int(np.floor(100 - p["loss"]))

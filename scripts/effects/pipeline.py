@@ -259,7 +259,7 @@ def _check_margin(x, y, view):
 # -- photometry -----------------------------------------------------------------------------------------------------
 
 
-def photometric(image, view, chosen, noise_dn, rng):
+def photometric(image, view, chosen, rng):
     """Return grey levels (H + 2m, W + 2m, C) float32, unrounded, of linear radiance whose points are where they land.
 
     rng None gives the expected image: no random noise, neither declared nor of an effect.
@@ -282,15 +282,15 @@ def photometric(image, view, chosen, noise_dn, rng):
     if colour and image.shape[2] == 1:
         image = np.repeat(image, 3, axis=2)  # late: what lies before costs a third
     image = encode(apply(image, "sensor"), view.encoding)
-    if rng is not None and noise_dn > 0:
-        image = image + np.float32(noise_dn) * rng.standard_normal(image.shape, dtype=np.float32)
+    if rng is not None and view.noise_dn > 0:
+        image = image + np.float32(view.noise_dn) * rng.standard_normal(image.shape, dtype=np.float32)
     return apply(image, "processing")
 
 
-def form_image(radiance, view, chosen, noise_dn, rng):
+def form_image(radiance, view, chosen, rng):
     """Return grey levels (H, W, C) float32, unrounded, of a render (H + 2m, W + 2m), the frame cut out."""
     image = resample(np.ascontiguousarray(radiance, np.float32)[..., None], view, chosen)
-    image = photometric(image, view, chosen, noise_dn, rng)
+    image = photometric(image, view, chosen, rng)
     m = view.margin
     return image[m : m + view.height, m : m + view.width]
 

@@ -89,7 +89,6 @@ class Case:
     scene: object
     codes: Codes
     captures: list
-    noise_dn: float
     sigma_pose: np.ndarray
     _scenes: dict = field(default_factory=dict)
     _prints: list = field(default_factory=list)
@@ -178,10 +177,10 @@ class Case:
     def image_of(self, radiance, capture, effects, delta, rng=None):
         """Return the twin's grey levels (H, W, C): expected where ``rng`` is None, else as a camera gives them."""
         view = self.view_of(capture, effects, delta)
-        image = pipeline.photometric(radiance, view, pipeline.left_to_apply(effects), self.noise_dn, rng)
+        image = pipeline.photometric(radiance, view, pipeline.left_to_apply(effects), rng)
         m = view.margin
         image = image[m : m + view.height, m : m + view.width]
-        return mean_of_clipped(image, self.noise_dn) if rng is None else np.clip(np.rint(image), 0, 255)
+        return mean_of_clipped(image, view.noise_dn) if rng is None else np.clip(np.rint(image), 0, 255)
 
     def finder(self):
         """Return the Finder of the rig's codes."""

@@ -21,10 +21,10 @@ STRONG = {
 }
 
 
-def view(encoding="srgb", width=WIDTH, height=HEIGHT, margin=MARGIN, f=190.0):
+def view(encoding="srgb", width=WIDTH, height=HEIGHT, margin=MARGIN, f=190.0, noise_dn=0.0):
     """Return a View looking 45 degrees down from 0.5 m."""
     K = camera_matrix(f, f, (width - 1) / 2 + 1.5, (height - 1) / 2 - 2.5)
-    return View(K, width, height, margin, station_pose(0.5, 45), "cam", "cap", "sta", 1.0, encoding)
+    return View(K, width, height, margin, station_pose(0.5, 45), "cam", "cap", "sta", 1.0, encoding, noise_dn)
 
 
 def scene():

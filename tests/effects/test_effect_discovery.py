@@ -40,7 +40,7 @@ def test_a_thirtieth_effect_takes_part(folder, tmp_path):
     assert "haze_for_test" in pipeline.available_effects()
     v = view(encoding="linear")
     radiance = np.full((v.height + 2 * v.margin, v.width + 2 * v.margin), 0.2)
-    image = pipeline.form_image(radiance, v, [("haze_for_test", {"light": 0.3})], 0, None)
+    image = pipeline.form_image(radiance, v, [("haze_for_test", {"light": 0.3})], None)
     np.testing.assert_allclose(image, 127.5, atol=1e-3)
     twin = tmp_path / "cam.yaml"
     twin.write_text("effects:\n  - effect: haze_for_test\n    parameters: {light: 0.3}\n")

@@ -139,7 +139,7 @@ def test_too_small_a_margin_says_what_is_needed():
     v = view()
     radiance = np.zeros((v.height + 2 * v.margin, v.width + 2 * v.margin))
     with pytest.raises(InputError, match=r"render\.overscan to at least 0\.\d\d"):
-        pipeline.form_image(radiance, v, [("focal_length", {"ratio": 0.6})], 0, None)
+        pipeline.form_image(radiance, v, [("focal_length", {"ratio": 0.6})], None)
 
 
 def test_scene_geometry():

@@ -64,10 +64,10 @@ def test_pixels_stay(name, channels, seeded):
 @pytest.mark.parametrize("name", list(EFFECTS))
 def test_formed_image_is_the_base(name):
     """Through the whole chain, noise drawn from the same seed, an effect at its null is no effect."""
-    v = view()
+    v = view(noise_dn=1.5)
     radiance = noise_image(1, v, high=1.0)[..., 0]
-    base = pipeline.form_image(radiance, v, [], 1.5, np.random.default_rng(3))
-    same = pipeline.form_image(radiance, v, [(name, pipeline.nulls_of(name))], 1.5, np.random.default_rng(3))
+    base = pipeline.form_image(radiance, v, [], np.random.default_rng(3))
+    same = pipeline.form_image(radiance, v, [(name, pipeline.nulls_of(name))], np.random.default_rng(3))
     np.testing.assert_array_equal(same, base)
 
 

@@ -150,7 +150,7 @@ def test_a_blurred_twin_shows_no_stripes_finer_than_its_pixels(sigma_px):
     chosen, m = [("lens_blur", {"sigma_px": sigma_px})], 20
     drawn = shade(scene, view, *coverages(prints, view, spread=pipeline.light_spread(view, chosen)))
     drawn = pipeline.photometric(
-        drawn[..., None], replace(view, encoding="linear"), pipeline.left_to_apply(chosen), 0.0, None
+        drawn[..., None], replace(view, encoding="linear"), pipeline.left_to_apply(chosen), None
     )[..., 0]
     sharp = shade(scene, view, *coverages(prints, view)).astype(np.float32)
     whole = 255 * gaussian(sharp[..., None], sigma_px)[..., 0]
