@@ -12,14 +12,13 @@ from workflow_runs import copy_project, snakemake
 CANDIDATES = "diagnose={candidates: [lens_blur]}"
 
 
-def lay_trial(folder, name, kind, hidden, named, verdict, gap=1.0, value=1.2, se=0.02):
-    """Write an envelope and a verdict; the hidden blur is 1.2 px."""
-    effects = [
-        {"effect": e, "in_library": True, "parameters": {}, "library_parameters": {"sigma_px": 1.2}} for e in hidden
-    ]
+def lay_trial(folder, name, kind, hidden, named, verdict, gap=1.0, value=1.2, se=0.02, strength=1.0):
+    """Write an envelope and a verdict; the hidden blur is 1.2 px times the strength."""
+    blur = {"sigma_px": 1.2 * strength}
+    effects = [{"effect": e, "in_library": True, "parameters": blur, "library_parameters": blur} for e in hidden]
     (folder / "envelopes" / name).mkdir(parents=True)
     (folder / "verdicts").mkdir(exist_ok=True)
-    truth = {"campaign": name, "kind": kind, "strength": 1.0, "effects": effects}
+    truth = {"campaign": name, "kind": kind, "strength": strength, "effects": effects}
     (folder / "envelopes" / name / "truth.json").write_text(json.dumps(truth))
     steps = [{"effect": e, "parameters": {"sigma_px": {"value": value, "se": se}}} for e in named]
     verdict = {"camera": "c", "verdict": verdict, "steps": steps, "gap": gap, "gap_as_configured": 3.0}
@@ -42,6 +41,18 @@ def test_envelopes_are_counted_as_the_aims_say(tmp_path):
     confusion = pd.read_csv(tmp_path / "out/confusion.csv", index_col="hidden")
     assert confusion.loc["lens_blur", "lens_blur"] == 2 and confusion.loc["(nothing)", "exposure"] == 1
     assert (tmp_path / "out/confusion.png").stat().st_size > 1000
+
+
+def test_the_smallest_strength_seen_is_told(tmp_path):
+    """A strength that was not named, or a name beside it, would promise users more than their rig can see."""
+    for k, (strength, named) in enumerate([(0.25, []), (0.5, ["lens_blur"]), (1.0, ["lens_blur", "exposure"])]):
+        lay_trial(tmp_path, f"p{k}", "power", ["lens_blur"], named, "explained", strength=strength)
+    open_envelopes(tmp_path / "verdicts", tmp_path / "envelopes", tmp_path / "out")
+    power = pd.read_csv(tmp_path / "out/power.csv").iloc[0]
+    assert (power.smallest_seen, power.was) == (0.5, "sigma_px 0.6")
+    assert (power["0.25"], power["0.5"], power["1.0"]) == (0, 1, 0)
+    summary = pd.read_csv(tmp_path / "out/summary.csv").set_index("what")
+    assert summary.trials["single effects: the right one first"] == 1  # the one of strength 1
 
 
 @pytest.mark.parametrize("kind", ["single"])

@@ -55,6 +55,12 @@ def library_view(effect, p):
     return {ours: p[theirs] for theirs, ours in rename.items()}
 
 
+def in_words(effect):
+    """Return a hidden effect's single numbers and words, as the generator has them (docs/blind-trials.md)."""
+    single = {k: v for k, v in effect["parameters"].items() if isinstance(v, int | float | str)}
+    return ", ".join(f"{k} {v:.3g}" if isinstance(v, float) else f"{k} {v}" for k, v in single.items())
+
+
 def trial_row(verdict, truth):
     """Return one trial as a row: what was hidden, what was said."""
     hidden = [e["effect"] for e in truth["effects"]]
@@ -66,6 +72,7 @@ def trial_row(verdict, truth):
         "strength": truth["strength"],
         "camera": verdict["camera"],
         "hidden": " ".join(hidden),
+        "parameters": "; ".join(in_words(e) for e in truth["effects"]),
         "verdict": verdict["verdict"],
         "named": " ".join(named),
         "first_right": bool(named) and named[0] in inside,
@@ -166,13 +173,16 @@ def draw_confusion(table, path):
 
 
 def power_of(trials):
-    """Return per effect the share of trials named at each strength, and the smallest strength named in at least half."""
+    """Return per effect the share of trials named at each strength, the smallest named in at least half, and what it was."""
     power = trials[trials.kind == "power"]
     if power.empty:
         return pd.DataFrame(columns=["hidden", "smallest_seen"])
     table = power.pivot_table(index="hidden", columns="strength", values="set_right", aggfunc="mean")
     seen = [min((s for s in table.columns if row[s] >= 0.5), default=np.nan) for _, row in table.iterrows()]
-    return table.assign(smallest_seen=seen).reset_index()
+    of_smallest = power.set_index(["hidden", "strength"]).parameters
+    first = of_smallest[~of_smallest.index.duplicated()]
+    words = [first.get((effect, strength), "") for effect, strength in zip(table.index, seen, strict=True)]
+    return table.assign(smallest_seen=seen, was=words).reset_index()
 
 
 def open_envelopes(verdicts, envelopes, out):
