@@ -4,11 +4,11 @@ import json
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from effects.base import View
 from gap.case import MARGIN_PX, Capture, Case, encoding_table
 from gap.observe import Codes, Observation, read_rgb
+from rig import tables
 from rig.errors import InputError
 from rig.geometry import camera_matrix, make_pose
 from rig.images import read_image
@@ -38,10 +38,10 @@ def load_case(expand, register_json, camera):
     facts = json.loads((expand / "scene.json").read_text())
     scene = load_scene(expand)
     intrinsics = json.loads(Path(register_json).read_text())
-    size = pd.read_csv(expand / "cameras.csv").set_index("camera").loc[camera]
-    captures = pd.read_csv(expand / "captures.csv", dtype={"capture": str, "station": str})
+    size = tables.read_table(expand / "cameras.csv", tables.CAMERAS).set_index("camera").loc[camera]
+    captures = tables.read_table(expand / "captures.csv", tables.CAPTURES)
     captures = captures[captures.camera == camera].sort_values("capture")
-    stations = pd.read_csv(expand / "stations.csv", dtype={"station": str})
+    stations = tables.read_table(expand / "stations.csv", tables.STATIONS)
     stations = stations[stations.camera == camera].set_index("station")
     K = camera_matrix(*(float(intrinsics[k]) for k in ("fx", "fy", "cx", "cy")))
     exposure, encoding, noise_dn = float(facts["exposure"]), facts["encoding"], float(facts["noise_dn"])

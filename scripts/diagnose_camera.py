@@ -22,6 +22,7 @@ from gap.floors import gap_error, group_gaps, overall_gap
 from gap.next_station import suggested_station
 from gap.where import explained_shares, field_gaps, noise_gaps, plate_gaps
 from job import seed_of
+from rig import tables
 from try_effect import clean, restored
 
 log = logging.getLogger("twingap")
@@ -162,7 +163,7 @@ def write_example(diagnosis, i, image, twins, folder):
 
 
 def _images(expand, campaign, camera, case, indices):
-    table = pd.read_csv(Path(expand) / "captures.csv", dtype={"capture": str}).set_index("capture")
+    table = tables.read_table(Path(expand) / "captures.csv", tables.CAPTURES).set_index("capture")
     return {i: read_capture(campaign, table.loc[case.captures[i].view.capture, "image"]) for i in indices}
 
 
