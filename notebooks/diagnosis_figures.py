@@ -62,7 +62,7 @@ def example_figure(results, camera):
     grey = {name: 255 * (i.mean(axis=2) if i.ndim == 3 else i) for name, i in images.items()}
     fig, axes = plt.subplots(2, 3, figsize=(1.5 * figures.WIDTH_IN, 4.4))
     for column, (name, title) in enumerate(EXAMPLES.items()):
-        axes[0, column].imshow(images[name], cmap="gray")
+        axes[0, column].imshow(images[name], cmap="gray", vmin=0, vmax=1)
         axes[0, column].set_title(title, fontsize=9.5)
         if name != "real":
             difference = grey[name] - grey["real"]

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pandas as pd
 import pytest
@@ -157,3 +158,21 @@ def test_distance_bins_hold_all_ranges(monkeypatch):
         edges = figures.distance_bins(pd.Series(ranges))
         assert edges[0] <= min(ranges) and max(ranges) <= edges[-1] + 1e-9
         assert (np.diff(edges) > 0).all()
+
+
+def test_captures_and_twins_are_shown_on_one_scale(tmp_path, monkeypatch):
+    """Grey images stretched each by itself, the twin would look darker than the capture that it equals."""
+    monkeypatch.syspath_prepend(ROOT / "notebooks")
+    import diagnosis_figures
+
+    folder = tmp_path / "diagnosis/cam"
+    folder.mkdir(parents=True)
+    for name in diagnosis_figures.EXAMPLES:
+        image = np.full((20, 30) if name != "real" else (20, 30, 3), 90, np.uint8)
+        image[5:9] = 160
+        cv2.imwrite(str(folder / f"example_{name}.png"), image)
+    figure = diagnosis_figures.example_figure(tmp_path, "cam")
+    shown = [axis.images[0] for axis in figure.axes[:3]]
+    real, *twins = (image.to_rgba(image.get_array()) for image in shown)
+    for twin in twins:
+        np.testing.assert_allclose(twin, real, atol=1 / 255)
