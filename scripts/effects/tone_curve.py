@@ -1,8 +1,9 @@
 """A smooth curve on the encoded values, ends fixed and never falling.
 
-v' = v + d(v): d is a natural cubic spline through 0 at black and white and through lift_1_dn .. lift_6_dn at the sevenths of
-full scale between. Source: de Boor, "A Practical Guide to Splines" (1978); as a camera's curve e.g. Grossberg and Nayar,
-"What is the space of camera response functions?" (2003), for which a few smooth parts are enough.
+v' = v + d(v): d is a natural cubic spline through 0 at black and white and through lift_at_20_pct_dn .. lift_at_90_pct_dn at
+tenths of full scale; a knot below all levels that a rig shows would be free to bend the rest. Source: de Boor, "A Practical
+Guide to Splines" (1978); as a camera's curve e.g. Grossberg and Nayar, "What is the space of camera response functions?"
+(2003), for which a few smooth parts are enough.
 """
 
 import functools
@@ -13,19 +14,19 @@ from scipy.interpolate import CubicSpline
 from effects.base import Parameter
 
 STAGE, ORDER = "processing", 20
-KNOTS = 6
+PERCENT = range(20, 100, 10)
 PARAMETERS = {
-    f"lift_{k}_dn": Parameter("dn", -100.0, 100.0, 0.0, (0.0,), 2.0, f"lift at {k}/{KNOTS + 1} of full scale", 40.0)
-    for k in range(1, KNOTS + 1)
+    f"lift_at_{k}_pct_dn": Parameter("dn", -100.0, 100.0, 0.0, (0.0,), 2.0, f"lift at {k} % of full scale", 40.0)
+    for k in PERCENT
 }
 STEPS = 4096
 
 
 @functools.cache
 def _waves():
-    """Return d(v) of each knot lifted by one (STEPS + 1, KNOTS)."""
-    knots, v = np.linspace(0, 1, KNOTS + 2), np.linspace(0, 1, STEPS + 1)
-    return CubicSpline(knots, np.eye(KNOTS + 2)[:, 1:-1], bc_type="natural")(v)
+    """Return d(v) of each knot lifted by one (STEPS + 1, knots)."""
+    knots, v = np.array([0, *PERCENT, 100]) / 100, np.linspace(0, 1, STEPS + 1)
+    return CubicSpline(knots, np.eye(len(knots))[:, 1:-1], bc_type="natural")(v)
 
 
 def curve(p):
