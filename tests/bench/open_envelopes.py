@@ -58,7 +58,7 @@ def library_view(effect, p):
 def in_words(effect):
     """Return a hidden effect's single numbers and words, as the generator has them (docs/blind-trials.md)."""
     single = {k: v for k, v in effect["parameters"].items() if isinstance(v, int | float | str)}
-    return ", ".join(f"{k} {v:.3g}" if isinstance(v, float) else f"{k} {v}" for k, v in single.items())
+    return ", ".join(f"{k} {v:.5g}" if isinstance(v, float) else f"{k} {v}" for k, v in single.items())
 
 
 def trial_row(verdict, truth):
