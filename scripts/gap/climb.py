@@ -119,7 +119,7 @@ def climb(diagnosis, first, most_steps=6, progress=None, start_with=None, taken=
             progress(best.effect)
         if is_at_floor(diagnosis):
             return steps, rank([diagnosis.null_candidate(c.effect) for c in first])
-        candidates = diagnosis.try_beside_others([c.effect for c in first])
+        candidates = diagnosis.try_beside_others([c.effect for c in first], lambda c: is_missing(c, diagnosis.excess))
     return steps, candidates
 
 

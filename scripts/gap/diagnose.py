@@ -295,17 +295,18 @@ class Diagnosis:
             self.base_gap_se, group_gaps(self.base_groups, self.floors), self.floors, True,
         )  # fmt: skip
 
-    def try_beside_others(self, names):
+    def try_beside_others(self, names, convinces):
         """Return the candidates of some effects, best first, beside those of the base.
 
-        What was adopted may have made up for a part of what promises most: where that is not the best, all are tried again,
-        the base refitted with them.
+        What was adopted may have made up for a part of what promises most: where that is not the best, or does not convince
+        (a function of a Candidate), all are tried again, the base refitted with them.
         """
         promises = self.promises(names)
         candidates = rank([self.try_promised(e, promises, TRIED_AGAIN) for e in promises])
         tried = [e for e in promises if is_promising(e, promises, TRIED_AGAIN)]
         favourite = max(tried, key=promises.get, default=None)
-        if favourite in (None, candidates[0].effect) or len(self.free()) > MANY_PARAMETERS:
+        as_promised = favourite == candidates[0].effect and convinces(candidates[0])
+        if favourite is None or as_promised or len(self.free()) > MANY_PARAMETERS:
             return candidates
         others = [c for c in candidates if c.effect not in tried]
         return rank([*others, *(self.try_effect(e, self.free()) for e in tried)])

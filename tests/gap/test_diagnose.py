@@ -85,12 +85,21 @@ def test_a_single_hidden_effect_is_named_and_measured(tmp_path, effect, paramete
     assert abs(dict(diagnosis.effects)[effect][parameter] - hidden) < tolerance
 
 
-def test_what_the_first_step_made_up_for_is_found_beside_it(tmp_path):
-    """A curve that is fitted alone takes up how noise moves clipped black: noise tried beside that curve seems to do harm."""
-    case, truth = generated_case(tmp_path, "pair", seed="ecliptic", index=10, size="standard")
-    assert [e["effect"] for e in truth["effects"]] == ["sensor_noise", "tone_curve"]
-    _, steps = climbed(case, ["sensor_noise", "tone_curve", "fixed_pattern_noise"])
-    assert {s.effect for s in steps} == {"sensor_noise", "tone_curve"}
+@pytest.mark.parametrize(
+    ("seed", "index", "hidden", "other"),
+    [
+        ("ecliptic", 10, ["sensor_noise", "tone_curve"], "fixed_pattern_noise"),
+        ("nadir", 14, ["focal_length", "rolling_shutter"], "principal_point"),
+    ],
+)
+def test_what_the_first_step_made_up_for_is_found_beside_it(tmp_path, seed, index, hidden, other):
+    """A curve fitted alone takes up how noise moves clipped black, a sheared shutter how a lens is longer: what is tried
+    beside it, it held, seems to do harm, or nothing.
+    """
+    case, truth = generated_case(tmp_path, "pair", seed=seed, index=index, size="standard")
+    assert [e["effect"] for e in truth["effects"]] == hidden
+    _, steps = climbed(case, [*hidden, other])
+    assert {s.effect for s in steps} == set(hidden)
 
 
 def test_glare_promises_much_beside_a_curve_that_took_it_up(tmp_path):
