@@ -17,6 +17,7 @@ from gap.fit import (
     flatten,
     image_step,
     is_geometric,
+    lost_plates,
     prior_equations,
     spec,
     total,
@@ -31,6 +32,7 @@ LEAST_LOSS = 3.0  # a station loses that loses more than this, or than 2 % of th
 LEAST_GAIN = 25.0  # and the least gain in loss that is worth a name
 MANY_PARAMETERS = 12
 LEAST_PROMISE = LEAST_GAIN  # first-order gain in training loss below which an effect is not fitted
+MOST_HIDDEN = 0.05  # share of the held-out plates that a candidate may lose
 MOST_STARTS = 2  # that are fitted, the most promising, and as many that are nearest
 LEAPING_WIDTH = 10.0  # robust scale at which whole values are compared
 LONGEST_WAY = 1e4  # whitened residual beyond which a start says no more
@@ -341,14 +343,21 @@ class Diagnosis:
             effect, values, errors, losses, overall_gap(groups, self.floors), gap_error(groups, self.floors),
             group_gaps(groups, self.floors), self.floors, fit.converged,
         )  # fmt: skip
+        candidate.state = State(fit.state.effects, poses, fit.state.offsets)
+        if self._hides_plates(groups):
+            return candidate
         candidate.gain = float(gains.sum())
         candidate.stations_gaining = float((gains > -LEAST_LOSS - 0.02 * gains.sum()).mean()) if len(gains) else 0.0
         before, after = group_losses(self.base_groups), group_losses(groups)
         candidate.group_gains = {name: before[name] - after[name] for name in before}
         candidate.gain_se = float(np.sqrt(len(gains)) * gains.std(ddof=1)) if len(gains) > 1 else float("nan")
         candidate.matters = is_there(effect, values, errors)
-        candidate.state = State(fit.state.effects, poses, fit.state.offsets)
         return candidate
+
+    def _hides_plates(self, groups):
+        """Return whether a twin shows fewer plates than the base: one that is lost costs less than one that is far off."""
+        plates = sum(len(g["corners"]) for g in groups.values())
+        return lost_plates(groups) - lost_plates(self.base_groups) > MOST_HIDDEN * plates
 
     def free(self):
         """Return [(effect, parameter)] of what is fitted in the base."""

@@ -143,6 +143,11 @@ class Whitener:
         return out
 
 
+def lost_plates(groups):
+    """Return how many plates only the real captures show, of residual groups {capture index: {group: residuals}}."""
+    return sum(int((g["corners"] == LOST_PLATE).all(axis=1).sum()) for g in groups.values())
+
+
 def rounding_variance(noise_variance):
     """Return the variance of a level's error from rounding to whole grey levels, where noise (rounded) is so little.
 
