@@ -9,7 +9,7 @@ from cases import generated_case
 from effects import pipeline
 from gap.climb import climb, conclude, verdict_of
 from gap.diagnose import Candidate, Diagnosis, is_there, null_of
-from gap.fit import Fitter, flatten
+from gap.fit import LOST_PLATE, Fitter, flatten
 from gap.floors import overall_gap
 from gap.split import split_by_station
 
@@ -223,3 +223,13 @@ def test_a_mount_is_known_as_well_as_the_poses_of_all_captures_tell(smeared):
     known = np.degrees(smeared.case.sigma_pose[:3]) / np.sqrt(len(smeared.train))
     errors = np.array([candidate.errors[f"turn_{axis}_deg"] for axis in "xyz"])
     np.testing.assert_allclose(errors, known, rtol=0.4)
+
+
+@pytest.mark.parametrize(("lost", "hides"), [(2, False), (3, True)])
+def test_a_twin_that_hides_plates_is_told(lost, hides):
+    """A lost plate costs less than one that is far off: a glare over all plates would come out best."""
+    diagnosis = object.__new__(Diagnosis)
+    diagnosis.base_groups = {0: {"corners": np.full((40, 8), 30.0)}}
+    corners = np.zeros((40, 8))
+    corners[:lost] = LOST_PLATE
+    assert diagnosis._hides_plates({0: {"corners": corners}}) == hides
