@@ -150,13 +150,9 @@ if not HAS_MARKERS:
             ),
             register_json=f"{RESULTS}/register/{{camera}}.json",
             images=captures_of,
-            code=modules(
-                "job.py",
-                "effects/base.py",
-                "effects/pipeline.py",
+            code=GAP_CODE
+            + modules(
                 "gap/climb.py",
-                "gap/diagnose.py",
-                "gap/fit.py",
                 "gap/ladder.py",
                 "gap/points.py",
                 "register_captures.py",

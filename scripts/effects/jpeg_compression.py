@@ -91,10 +91,10 @@ def quantised(plane, table, noise):
     return _decoded(lower + share, table, plane.shape)
 
 
-def quantised_both_ways(plane, table, noise):
-    """Return (two ways a quantised plane may be, the second's probability by pixel): their blocks' means lie a step apart.
+def mean_decoded(plane, table, noise, decode):
+    """Return the mean levels (rows, columns, C) of ``decode(plane)`` after a plane about 0 is quantised, under noise.
 
-    A decoder rounds each of them: of a flat, the mean of the two is not what any image shows.
+    Blocks' means may lie on either of two steps: each is decoded, as a decoder rounds, and then they are mixed.
     """
     lower, share = _steps_taken(plane, table, noise)
     coefficients = lower + share
@@ -103,7 +103,8 @@ def quantised_both_ways(plane, table, noise):
     low = _decoded(coefficients, table, plane.shape)
     rows, columns = plane.shape
     by_pixel = np.repeat(np.repeat(share[means], BLOCK, axis=0), BLOCK, axis=1)[:rows, :columns]
-    return low, low + table[0, 0] / BLOCK, by_pixel
+    low, high = decode(low), decode(low + table[0, 0] / BLOCK)
+    return low + by_pixel[..., None] * (high - low)
 
 
 def _steps_taken(plane, table, noise):
@@ -141,12 +142,9 @@ def expected(image, quality, noise_dn):
     brightness, colour = tables(quality)
     noise = BRIGHTNESS_NOISE * noise_dn
     if image.shape[2] == 1:
-        low, high, share = quantised_both_ways(image[..., 0] - MIDDLE, brightness, noise)
-        low, high = _whole(low + MIDDLE), _whole(high + MIDDLE)
-        return (low + share * (high - low))[..., None]
+        return mean_decoded(image[..., 0] - MIDDLE, brightness, noise, lambda y: _whole(y + MIDDLE)[..., None])
     y, *chroma = np.moveaxis(image @ TO_YCC.T, 2, 0)
     height, width = y.shape
-    low, high, share = quantised_both_ways(y - MIDDLE, brightness, noise)
     planes = []
     for plane in chroma:
         even = np.pad(plane, ((0, height % 2), (0, width % 2)), mode="edge")
@@ -155,8 +153,11 @@ def expected(image, quality, noise_dn):
             quantised(half, colour, COLOUR_NOISE * noise_dn), even.shape[::-1], interpolation=cv2.INTER_LINEAR
         )
         planes.append(back[:height, :width])
-    low, high = (_whole(np.stack([y + MIDDLE, *planes], axis=-1) @ TO_RGB.T) for y in (low, high))
-    return low + share[..., None] * (high - low)
+
+    def decode(y):
+        return _whole(np.stack([y + MIDDLE, *planes], axis=-1) @ TO_RGB.T)
+
+    return mean_decoded(y - MIDDLE, brightness, noise, decode)
 
 
 def apply(image, view, p, rng):
