@@ -7,7 +7,6 @@ import json
 import logging
 from pathlib import Path
 
-import numpy as np
 from tqdm import tqdm
 
 import job
@@ -45,11 +44,10 @@ def observe_captures(
     if diagnosis.is_usable():
         diagnosis.fixed = {n for n, _ in effects} - {n for n, _ in free}
         fit = diagnosis.set_base([(n, p) for n, p in effects], [tuple(f) for f in free])
-        errors = np.sqrt(np.maximum(np.diag(fit.covariance), 0)) if free else []
         base |= {
             "effects": [[n, p] for n, p in diagnosis.effects],
             "poses": diagnosis.poses.tolist(),
-            "errors": {f"{n}.{k}": float(e) for (n, k), e in zip(free, errors, strict=True)},
+            "errors": {f"{n}.{k}": float(e) for (n, k), e in zip(free, fit.errors, strict=True)},
             "gap": diagnosis.base_gap,
             "gap_se": diagnosis.base_gap_se,
             "groups": group_gaps(diagnosis.base_groups, diagnosis.floors),

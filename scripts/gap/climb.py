@@ -105,7 +105,8 @@ def climb(diagnosis, first, most_steps=6, progress=None, start_with=None, taken=
         confused = confused_with(best, candidates, diagnosis.case)
         group, before = main_group(best), (diagnosis.effects, diagnosis.poses)
         fit = diagnosis.adopt(best)
-        if not is_there(best.effect, dict(diagnosis.effects)[best.effect], errors_of(diagnosis, fit, best.effect)):
+        errors = {k: e for (n, k), e in zip(diagnosis.free(), fit.cautious_errors, strict=True) if n == best.effect}
+        if not is_there(best.effect, dict(diagnosis.effects)[best.effect], errors):
             diagnosis.rebase(*before)  # beside the others, refitted, nothing of it is left
             candidates = [c for c in candidates if c is not best]
             continue
@@ -157,7 +158,7 @@ def _retraced(diagnosis, start, outcome, without, excess):
 
 def _step(diagnosis, fit, effect, candidates, confused, group):
     """Return the Step that led to the diagnosis's base."""
-    errors = dict(zip(diagnosis.free(), np.sqrt(np.maximum(np.diag(fit.covariance), 0)), strict=True))
+    errors = dict(zip(diagnosis.free(), fit.errors, strict=True))
     twin, seen = diagnosis.effects, diagnosis.base_groups
     return Step(effect, twin, errors, candidates, confused, seen, diagnosis.poses, group)
 
@@ -223,12 +224,6 @@ def unneeded(diagnosis, names):
             out.append(name)
             break
     return out
-
-
-def errors_of(diagnosis, fit, effect):
-    """Return {parameter: standard error} of one of the effects that were fitted together."""
-    errors = np.sqrt(np.maximum(np.diag(fit.covariance), 0))
-    return {k: e for (name, k), e in zip(diagnosis.free(), errors, strict=True) if name == effect}
 
 
 def confused_with(best, candidates, case):

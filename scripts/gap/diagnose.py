@@ -335,8 +335,10 @@ class Diagnosis:
 
     def _candidate(self, effect, fit, poses, groups):
         values = dict(fit.state.effects)[effect]
-        own = np.diag(fit.covariance)[: len(values)]  # they come first
-        errors = dict(zip(values, np.sqrt(np.maximum(own, 0)), strict=True))
+        errors, cautious = (
+            dict(zip(values, e[: len(values)], strict=True))  # they come first
+            for e in (fit.errors, fit.cautious_errors)
+        )
         losses = losses_of(groups)
         gains = gains_by_station(self.case, self.base_losses, losses)
         candidate = Candidate(
@@ -351,7 +353,7 @@ class Diagnosis:
         before, after = group_losses(self.base_groups), group_losses(groups)
         candidate.group_gains = {name: before[name] - after[name] for name in before}
         candidate.gain_se = float(np.sqrt(len(gains)) * gains.std(ddof=1)) if len(gains) > 1 else float("nan")
-        candidate.matters = is_there(effect, values, errors)
+        candidate.matters = is_there(effect, values, cautious)
         return candidate
 
     def _hides_plates(self, groups):

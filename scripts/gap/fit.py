@@ -84,11 +84,16 @@ class State:
 
 @dataclass
 class Fit:
-    """The outcome of a fit on the training captures."""
+    """The outcome of a fit on the training captures; standard errors (k,) of its k free parameters.
+
+    ``errors`` are told: what the residuals' own scatter makes of the parameters. ``cautious_errors`` are those of plates
+    measured no better than ``FEATURE_FLOOR``, and decide whether an effect is there at all.
+    """
 
     state: State
     loss: float
-    covariance: np.ndarray
+    errors: np.ndarray
+    cautious_errors: np.ndarray
     converged: bool
 
 
@@ -395,7 +400,7 @@ class Fitter:
         predictions, offsets = self.start(effects, poses, train)
         groups = self.residuals_of(poses, predictions, train)
         width = width_of(groups) if free else 1.0
-        covariance = np.zeros((len(free), len(free)))
+        errors = cautious_errors = np.zeros(len(free))
         converged = not free
         lower, upper = bounds_of(free)
         damping, age = 1e-4, OLDEST_DERIVATIVES
@@ -447,8 +452,9 @@ class Fitter:
         if free:
             derivatives = self.with_exact_columns(derivatives, effects, free, poses, groups)
             H, _, _ = self.normal_equations(derivatives, groups, NU, prior_equations(effects, free))
-            covariance = self.widened(np.linalg.pinv(H + np.diag(np.full(len(free), 1e-12))), derivatives, groups)
-        return Fit(State(effects, poses, offsets), total(groups, NU), covariance, converged)
+            covariance = np.linalg.pinv(H + np.diag(np.full(len(free), 1e-12)))
+            errors, cautious_errors = self.errors_of(covariance, derivatives, groups)
+        return Fit(State(effects, poses, offsets), total(groups, NU), errors, cautious_errors, converged)
 
     def derivatives(self, effects, free, poses, groups, train, step_of=None):
         """Return {i: (Jt, Jp)}: d (twin, whitened) by the free parameters (n, k) and by the capture's pose (n, 6).
@@ -477,25 +483,29 @@ class Fitter:
             out[i] = Jt, self.pose_columns(i, effects, poses[i], groups[i])
         return out
 
-    def widened(self, covariance, derivatives, groups):
-        """Return a covariance (k, k) whose errors hold what captures disagree by, and what all plates may share.
+    def errors_of(self, covariance, derivatives, groups):
+        """Return (errors, cautious errors) (k,) of parameters whose covariance (k, k) holds for residuals of variance 1.
 
-        Residuals of one capture can be wrong together, which their whitening does not know. Source: the cluster-robust
-        ("sandwich") covariance of Liang and Zeger, "Longitudinal data analysis using generalized linear models" (1986).
-        A part of the features' floors is the same for all plates and does not average out.
+        Residuals scatter less where a floor is more than the noise, and those of one capture can be wrong together: the
+        greater of what each by itself and each capture as a whole makes of the parameters. Cautious errors take a
+        variance of 1 for the former. Both hold the part of the features' floors that is the same for all plates and
+        does not average out. Sources: White, "A heteroskedasticity-consistent covariance matrix estimator" (1980); Liang
+        and Zeger, "Longitudinal data analysis using generalized linear models" (1986).
         """
-        gradients, shared = [], 0.0
+        single, gradients, shared = 0.0, [], 0.0
         for i, (Jt, Jp) in derivatives.items():
             y, w = flatten(groups[i]), self.whiteners[i]
-            gradients.append(without_pose(y, Jt, Jp, NU)[1])
+            each = gradients_of(y, Jt, Jp)
+            single = single + each.T @ each
+            gradients.append(each.sum(axis=0))
             floors = np.tile(SHARED * np.diag(FEATURE_FLOOR), (len(w.plates), 1, 1))
             shared = shared + response(y, Jt, Jp, self._laid_out(w, floors, groups[i]))
         g = np.array(gradients) - np.mean(gradients, axis=0)
-        sandwich = covariance @ (g.T @ g * len(g) / max(len(g) - 1, 1)) @ covariance
-        variance = np.maximum(np.diag(covariance), 1e-300)
-        together = np.maximum(np.diag(sandwich), variance) + ((covariance @ shared) ** 2).sum(1)
-        scale = np.sqrt(together / variance)
-        return covariance * np.outer(scale, scale)
+        together = g.T @ g * len(g) / max(len(g) - 1, 1)
+        single, together = (np.diag(covariance @ meat @ covariance) for meat in (single, together))
+        common = ((covariance @ shared) ** 2).sum(1)
+        cautious = np.maximum(together, np.diag(covariance))
+        return np.sqrt(np.maximum(together, single) + common), np.sqrt(cautious + common)
 
     @staticmethod
     def normal_equations(derivatives, groups, nu, prior):
@@ -596,9 +606,19 @@ def without_pose(y, Jt, Jp, nu):
 
 def response(y, Jt, Jp, change):
     """Return (k, m): what changes (n, m) of a capture's residuals y (n,) add to the gradient, its pose eliminated."""
+    return Jt.T @ weighted_without_pose(y, Jp, change)
+
+
+def gradients_of(y, Jt, Jp):
+    """Return (n, k): what each of a capture's residuals y (n,) adds to the gradient, its pose eliminated."""
+    return weighted_without_pose(y, Jp, Jt) * y[:, None]
+
+
+def weighted_without_pose(y, Jp, change):
+    """Return changes (n, m) of a capture's residuals y (n,) as far as its pose cannot follow, robustly weighted."""
     weight = (1 / (1 + y * y / NU))[:, None]
     back = np.linalg.solve(Jp.T @ (weight * Jp) + 1e-9 * np.eye(6), Jp.T @ (weight * change))
-    return Jt.T @ (weight * (change - Jp @ back))
+    return weight * (change - Jp @ back)
 
 
 def updated(derivatives, before, after, d, d_poses, scale):
