@@ -35,7 +35,10 @@ class Step:
 
 @dataclass
 class Outcome:
-    """Where a climb ended: its steps, the candidates that were left, the verdict and the base it reached."""
+    """Where a climb ended: its steps, the candidates that were left, the verdict and the base it reached.
+
+    ``closed`` says that the gap itself is at the floor, not only most of it gone.
+    """
 
     steps: list
     left: list
@@ -43,13 +46,14 @@ class Outcome:
     share_left: float
     effects: list
     poses: np.ndarray
+    closed: bool = False
 
 
 def conclude(diagnosis, first, most_steps=6, progress=None):
     """Climb from the base, leave the diagnosis at what was found, and return the Outcome.
 
     The best first step is not always on the best way: where it leaves its own group of observables open, or comes near
-    and stays open, the next best ones are tried as well. What can mimic anything of its kind, a warp of many waves,
+    and does not reach the floor, the next best ones are tried as well. What can mimic anything of its kind, a warp of many waves,
     competes only where the others leave a gap.
     Where most of the gap stays, and no step closed the group of observables in which it gained most, a good share of it all,
     what helped is a patch on something else: it gets no name, and the base is restored.
@@ -61,7 +65,7 @@ def conclude(diagnosis, first, most_steps=6, progress=None):
     best = climbed(diagnosis, rigid, excess, most_steps, progress)
     on_another_way = best.share_left < CLOSED or (ways and _is_open(diagnosis, main_group(ways[0]), before))
     for way in ways[1:] if on_another_way else []:
-        if best.verdict != "unexplained":
+        if best.closed:
             break
         diagnosis.rebase(start.effects, start.poses)
         best = better(best, climbed(diagnosis, rigid, excess, most_steps, progress, way.effect))
@@ -81,9 +85,15 @@ def conclude(diagnosis, first, most_steps=6, progress=None):
 def climbed(diagnosis, first, excess, most_steps, progress, start_with=None, taken=()):
     """Return the Outcome of a climb from the base; ``excess`` is the first one, in loss."""
     steps, left = climb(diagnosis, first, most_steps, progress, start_with, taken)
+    return outcome_of(diagnosis, steps, left, excess)
+
+
+def outcome_of(diagnosis, steps, left, excess):
+    """Return the Outcome of steps that led to the diagnosis's base; ``excess`` is the first one, in loss."""
     share = sum(diagnosis.excess.values()) / excess
-    verdict = verdict_of(steps, diagnosis.base_gap, diagnosis.base_gap_se, share)
-    return Outcome(steps, left, verdict, share, diagnosis.effects, diagnosis.poses)
+    reached = (diagnosis.base_gap, diagnosis.base_gap_se)
+    closed = verdict_of(steps, *reached) != "unexplained"
+    return Outcome(steps, left, verdict_of(steps, *reached, share), share, diagnosis.effects, diagnosis.poses, closed)
 
 
 def climb(diagnosis, first, most_steps=6, progress=None, start_with=None, taken=()):
@@ -150,10 +160,8 @@ def _retraced(diagnosis, start, outcome, without, excess):
             effects = diagnosis.effects + [(step.effect, found[step.effect])]
             fit = diagnosis.set_base(effects, [(n, k) for n, p in effects for k in p if n not in diagnosis.fixed])
             steps.append(_step(diagnosis, fit, step.effect, step.candidates, step.confused_with, step.main_group))
-    share = sum(diagnosis.excess.values()) / excess
-    verdict = verdict_of(steps, diagnosis.base_gap, diagnosis.base_gap_se, share)
     left = rank([*outcome.left, *(diagnosis.null_candidate(name) for name in without)])
-    return Outcome(steps, left, verdict, share, diagnosis.effects, diagnosis.poses)
+    return outcome_of(diagnosis, steps, left, excess)
 
 
 def _step(diagnosis, fit, effect, candidates, confused, group):
