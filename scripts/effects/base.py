@@ -71,7 +71,8 @@ class View:
     camera, capture, station  names, for seeds
     exposure     scale from radiance to linear image value
     encoding     ``srgb`` or ``linear``
-    noise_dn     standard deviation of the declared noise, grey levels; the expected image has none of it
+    noise_dn     standard deviation of the noise in each channel, grey levels, a number or an image's shape: the declared
+                 one, and of an expected image, which has none of it, with what its sensor adds, where an effect asks
     """
 
     K: np.ndarray
@@ -84,7 +85,7 @@ class View:
     station: str
     exposure: float = 1.0
     encoding: str = "srgb"
-    noise_dn: float = 0.0
+    noise_dn: float | np.ndarray = 0.0
 
 
 def light_factor(light, x, y):

@@ -30,6 +30,11 @@ def pattern(camera, width, height, margin):
     return np.pad(gains, margin)[..., None], np.pad(offsets, ((0, 0), (margin, margin)))[..., None]
 
 
+def variance(linear, p):
+    """Return the pattern's variance over sensors of linear values, in grey levels of full scale 255."""
+    return np.float32(p["column_offset_dn"] ** 2) + np.float32((255 * p["prnu"]) ** 2) * linear**2
+
+
 def apply(image, view, p, rng):
     """Apply the camera's pattern; the expected image is the mean over sensors, which has none."""
     if rng is None:

@@ -1,13 +1,13 @@
 """JPEG compression of the finished image.
 
-``loss`` is 100 minus libjpeg's quality; between two qualities the images are mixed, so that a fit has a slope. Colour
-images are stored with half the resolution of colour. Source: ITU-T T.81, libjpeg's tables. The frame is compressed
-without the margin, so that blocks lie as in the camera.
+``loss`` is 100 minus libjpeg's quality. Colour is stored with half the resolution (4:2:0) or, to the share
+``full_colour``, in full (4:4:4). Between two qualities and two ways of colour the images are mixed, so that a fit has a
+slope. Source: ITU-T T.81, libjpeg's tables. The frame is compressed without the margin, so that blocks lie as in the camera.
 
 The expected image is not rounded before it is compressed: noise carries levels between whole numbers into a block's
 mean, and a coarse table makes much of half a level. Where a block's mean lies within the noise's reach of half a step,
 repeats fall on either side: the expected level lies between (the mean of a dithered quantiser; Widrow and Kollar,
-"Quantization Noise", 2008). Of noise the declared one is known here; a sensor's own is not.
+"Quantization Noise", 2008).
 """
 
 import functools
@@ -21,22 +21,30 @@ from effects.base import Parameter
 STAGE, ORDER = "processing", 60
 LEAPS = "loss"  # the tables change by leaps: a fit compares all whole values first
 MIXES_CHANNELS = True  # brightness has less noise than the channels it comes from
-PARAMETERS = {"loss": Parameter("1", 0.0, 95.0, 0.0, (5.0, 25.0, 45.0, 60.0, 70.0, 80.0), 3.0, "100 minus the quality")}
+MINDS_NOISE = True  # which side of a step it falls to
+PARAMETERS = {
+    "loss": Parameter("1", 0.0, 95.0, 0.0, (5.0, 25.0, 45.0, 60.0, 70.0, 80.0), 3.0, "100 minus the quality"),
+    "full_colour": Parameter(
+        "1", 0.0, 1.0, 0.0, (0.0,), 0.5, "share of 4:4:4 instead of 4:2:0; nothing in grey images", 0.5, qualifies=True
+    ),
+}
 BLOCK = 8
 MIDDLE = 128
 # ITU-T T.871: Y, Cb, Cr of red, green, blue
 TO_YCC = np.array([[0.299, 0.587, 0.114], [-0.168736, -0.331264, 0.5], [0.5, -0.418688, -0.081312]], np.float32)
 BRIGHTNESS_NOISE = float(np.linalg.norm(TO_YCC[0]))  # over that of the channels, which are independent
-COLOUR_NOISE = float(np.linalg.norm(TO_YCC[1])) / 2  # of Cb; Cr has 7 % more; four pixels are one
+COLOUR_NOISE = float(np.linalg.norm(TO_YCC[1]))  # of Cb; Cr has 7 % more
+SAMPLING = {False: cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420, True: cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444}
 NO_NOISE = 1e-6
 ROUNDING_DN = 12**-0.5  # standard deviation of what rounding to whole levels adds
 TO_RGB = np.linalg.inv(TO_YCC).astype(np.float32)
 
 
-def compressed(pixels, quality):
-    """Return uint8 pixels (H, W, 1 or 3; red first) after JPEG at a whole quality, 0..100."""
+def compressed(pixels, quality, full_colour):
+    """Return uint8 pixels (H, W, 1 or 3; red first) after JPEG at a whole quality, 0..100, colour stored in full or half."""
     colour = pixels.shape[2] == 3
-    _, data = cv2.imencode(".jpg", pixels[..., ::-1] if colour else pixels, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    options = [cv2.IMWRITE_JPEG_QUALITY, quality, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, SAMPLING[full_colour]]
+    _, data = cv2.imencode(".jpg", pixels[..., ::-1] if colour else pixels, options)
     back = cv2.imdecode(data, cv2.IMREAD_COLOR if colour else cv2.IMREAD_GRAYSCALE)
     return back[..., ::-1] if colour else back[..., None]
 
@@ -85,7 +93,7 @@ def _by_blocks(plane, left, right):
 def quantised(plane, table, noise):
     """Return the mean of a plane (rows, columns) float32 about 0 after its blocks' coefficients are rounded to the table.
 
-    ``noise``, white, is its standard deviation in the plane's units.
+    ``noise``, white, is its standard deviation in the plane's units, a number or (rows, columns).
     """
     lower, share = _steps_taken(plane, table, noise)
     return _decoded(lower + share, table, plane.shape)
@@ -102,7 +110,7 @@ def mean_decoded(plane, table, noise, decode):
     coefficients[means] = lower[means]
     low = _decoded(coefficients, table, plane.shape)
     rows, columns = plane.shape
-    by_pixel = np.repeat(np.repeat(share[means], BLOCK, axis=0), BLOCK, axis=1)[:rows, :columns]
+    by_pixel = _spread_out(share[means])[:rows, :columns]
     low, high = decode(low), decode(low + table[0, 0] / BLOCK)
     return low + by_pixel[..., None] * (high - low)
 
@@ -110,14 +118,30 @@ def mean_decoded(plane, table, noise, decode):
 def _steps_taken(plane, table, noise):
     """Return (lower of the two steps, probability of the upper) of the cosine coefficients of a plane's blocks.
 
-    The last blocks are filled up. An orthonormal transform leaves white noise as it is.
+    The last blocks are filled up. An orthonormal transform leaves white noise as it is; of uneven noise a block's mean
+    variance counts.
     """
-    rows, columns = plane.shape
-    whole = np.pad(plane, ((0, -rows % BLOCK), (0, -columns % BLOCK)), mode="edge")
+    whole = _filled_up(plane)
     steps = _tiled(table, whole.shape)
     coefficients = _by_blocks(whole, COSINES, COSINES.T) / steps
     lower = np.floor(coefficients)
-    return lower, ndtr((coefficients - lower - 0.5) * steps / np.float32(max(noise, NO_NOISE)))
+    if np.ndim(noise):
+        noise = _spread_out(np.sqrt(_means(_filled_up(noise) ** 2, BLOCK)))
+    return lower, ndtr((coefficients - lower - 0.5) * steps / np.maximum(noise, np.float32(NO_NOISE)))
+
+
+def _filled_up(plane, side=BLOCK):
+    rows, columns = plane.shape
+    return np.pad(plane, ((0, -rows % side), (0, -columns % side)), mode="edge")
+
+
+def _means(plane, side):
+    """Return the means of a plane's squares of ``side`` pixels, of which it has whole ones."""
+    return plane.reshape(plane.shape[0] // side, side, -1, side).mean((1, 3))
+
+
+def _spread_out(blocks):
+    return np.repeat(np.repeat(blocks, BLOCK, axis=0), BLOCK, axis=1)
 
 
 def _decoded(coefficients, table, shape):
@@ -134,30 +158,42 @@ def _whole(values):
     return np.clip(np.floor(values + np.float32(0.5)), 0, 255)
 
 
-def expected(image, quality, noise_dn):
+def expected(image, quality, full_colour, noise_dn):
     """Return the mean grey levels (H, W, 1 or 3) float32 that ``compressed`` gives of an image, not rounded, under noise.
 
-    ``noise_dn`` is the standard deviation in each of three channels: brightness has less.
+    ``noise_dn``, a number or (H, W, 1 or 3), is the standard deviation in each of three channels: brightness has less.
     """
     brightness, colour = tables(quality)
-    noise = BRIGHTNESS_NOISE * noise_dn
+    noise = BRIGHTNESS_NOISE * _of_all_channels(noise_dn)
     if image.shape[2] == 1:
         return mean_decoded(image[..., 0] - MIDDLE, brightness, noise, lambda y: _whole(y + MIDDLE)[..., None])
     y, *chroma = np.moveaxis(image @ TO_YCC.T, 2, 0)
-    height, width = y.shape
-    planes = []
-    for plane in chroma:
-        even = np.pad(plane, ((0, height % 2), (0, width % 2)), mode="edge")
-        half = even.reshape(even.shape[0] // 2, 2, even.shape[1] // 2, 2).mean((1, 3))
-        back = cv2.resize(
-            quantised(half, colour, COLOUR_NOISE * noise_dn), even.shape[::-1], interpolation=cv2.INTER_LINEAR
-        )
-        planes.append(back[:height, :width])
+    stored = _stored_in_full if full_colour else _stored_in_half
+    noise_of_colour = COLOUR_NOISE * _of_all_channels(noise_dn)
+    planes = [stored(plane, colour, noise_of_colour) for plane in chroma]
 
     def decode(y):
         return _whole(np.stack([y + MIDDLE, *planes], axis=-1) @ TO_RGB.T)
 
     return mean_decoded(y - MIDDLE, brightness, noise, decode)
+
+
+def _of_all_channels(noise_dn):
+    """Return a noise, a number or (H, W, C), as a number or (H, W)."""
+    return np.sqrt((noise_dn**2).mean(axis=2)) if np.ndim(noise_dn) else noise_dn
+
+
+def _stored_in_full(plane, table, noise):
+    return quantised(plane, table, noise)
+
+
+def _stored_in_half(plane, table, noise):
+    """Return a plane of colour whose fours of pixels are one, and which is interpolated back."""
+    even = _filled_up(plane, 2)
+    noise = np.sqrt(_means(_filled_up(noise, 2) ** 2, 2)) / 2 if np.ndim(noise) else noise / 2
+    half = quantised(_means(even, 2), table, noise)
+    back = cv2.resize(half, even.shape[::-1], interpolation=cv2.INTER_LINEAR)
+    return back[: plane.shape[0], : plane.shape[1]]
 
 
 def apply(image, view, p, rng):
@@ -167,14 +203,25 @@ def apply(image, view, p, rng):
     m = view.margin
     frame = (slice(m, m + view.height), slice(m, m + view.width))
     if rng is None:
-        noise_dn = float(np.hypot(view.noise_dn, ROUNDING_DN))
-        pixels, codec = np.clip(image[frame], 0, 255), functools.partial(expected, noise_dn=noise_dn)
+        noise_dn = view.noise_dn[frame] if np.ndim(view.noise_dn) else view.noise_dn
+        codec = functools.partial(expected, noise_dn=np.hypot(noise_dn, ROUNDING_DN))
+        pixels = np.clip(image[frame], 0, 255)
     else:
         pixels, codec = np.clip(np.rint(image[frame]), 0, 255).astype(np.uint8), compressed
-    below = int(np.floor(100 - p["loss"]))
-    share = np.float32(100 - p["loss"] - below)
     out = image.copy()
-    out[frame] = codec(pixels, below)
-    if share > 0:
-        out[frame] += share * (codec(pixels, below + 1).astype(np.float32) - out[frame])
+    out[frame] = sum(np.float32(share) * codec(pixels, *way) for way, share in ways(p, image.shape[2] == 3))
     return out
+
+
+def ways(p, in_colour):
+    """Return [((whole quality, whether colour is stored in full), share of it)] whose images are mixed."""
+    below = int(np.floor(100 - p["loss"]))
+    above = 100 - p["loss"] - below
+    full = p["full_colour"] if in_colour else 0.0
+    shares = {
+        (below, False): (1 - above) * (1 - full),
+        (below, True): (1 - above) * full,
+        (below + 1, False): above * (1 - full),
+        (below + 1, True): above * full,
+    }
+    return [(way, share) for way, share in shares.items() if share > 0]

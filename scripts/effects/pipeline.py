@@ -9,6 +9,7 @@ import functools
 import importlib.util
 import itertools
 import pkgutil
+from dataclasses import replace
 
 import numpy as np
 
@@ -270,9 +271,8 @@ def photometric(image, view, chosen, rng):
     )
 
     def apply(image, stage):
-        for module, p in found:
-            if module.STAGE == stage:
-                image = module.apply(image, view, p, rng)
+        for module, p in of_stage(found, stage):
+            image = module.apply(image, view, p, rng)
         return image
 
     image = np.asarray(image, np.float32)
@@ -281,10 +281,34 @@ def photometric(image, view, chosen, rng):
     image = apply(apply(image, "lens"), "shutter")
     if colour and image.shape[2] == 1:
         image = np.repeat(image, 3, axis=2)  # late: what lies before costs a third
+    if rng is None and any(getattr(m, "MINDS_NOISE", False) for m, _ in found):
+        view = replace(view, noise_dn=noise_behind(image, view, of_stage(found, "sensor")))
     image = encode(apply(image, "sensor"), view.encoding)
     if rng is not None and view.noise_dn > 0:
         image = image + np.float32(view.noise_dn) * rng.standard_normal(image.shape, dtype=np.float32)
     return apply(image, "processing")
+
+
+def of_stage(found, stage):
+    """Return those of (module, params) that belong to a stage."""
+    return [(module, p) for module, p in found if module.STAGE == stage]
+
+
+def noise_behind(image, view, sensors):
+    """Return the standard deviation of the noise in each channel, grey levels, that an expected image has none of.
+
+    A number where no sensor effect (module, params) has a variance, else as the image (H, W, C) of linear values.
+    """
+    variance = 0.0
+    for module, p in sensors:
+        if hasattr(module, "variance"):
+            variance = variance + module.variance(image, p)
+        image = module.apply(image, view, p, None)
+    if np.ndim(variance) == 0:
+        return view.noise_dn
+    spread = np.sqrt(variance) / np.float32(255)
+    encoded = (encode(image + spread, view.encoding) - encode(image - spread, view.encoding)) / 2
+    return np.hypot(np.float32(view.noise_dn), encoded)
 
 
 def form_image(radiance, view, chosen, rng):

@@ -26,7 +26,8 @@ BRIGHTEST = 2.0  # linear value above which an image is white whatever the noise
 ROOTS = np.linspace(0, np.sqrt(BRIGHTEST), 513)  # of linear values: finer near black, where encodings bend
 
 
-def _variance(linear, p):
+def variance(linear, p):
+    """Return the noise's variance of linear values, in grey levels of full scale 255."""
     return np.maximum(linear, 0) * np.float32(255 * p["gain_dn_per_e"]) + np.float32(p["read_noise_dn"] ** 2)
 
 
@@ -35,7 +36,7 @@ def expected(image, view, p):
     if p["gain_dn_per_e"] == p["read_noise_dn"] == 0:
         return image
     linear = ROOTS[:, None] ** 2
-    noisy = linear + np.sqrt(_variance(linear, p)) / 255 * NODES
+    noisy = linear + np.sqrt(variance(linear, p)) / 255 * NODES
     means = encode(noisy.astype(np.float32), view.encoding) @ (WEIGHTS / WEIGHTS.sum())
     table = decode(means, view.encoding)
     return np.interp(np.sqrt(np.clip(image, 0, BRIGHTEST)), ROOTS, table).astype(np.float32)
@@ -46,4 +47,4 @@ def apply(image, view, p, rng):
     if rng is None:
         return expected(image, view, p)
     noise = rng.standard_normal(image.shape, dtype=np.float32)
-    return image + np.sqrt(_variance(image, p)) / np.float32(255) * noise
+    return image + np.sqrt(variance(image, p)) / np.float32(255) * noise

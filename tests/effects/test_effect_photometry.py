@@ -164,17 +164,31 @@ def test_jpeg_is_the_real_one():
     np.testing.assert_array_equal(out[..., 0], cv2.imdecode(data, cv2.IMREAD_GRAYSCALE))
 
 
-@pytest.mark.parametrize("channels", [1, 3])
-def test_expected_jpeg_is_the_library_s_but_for_its_whole_numbers(channels):
-    """Wrong tables, a transposed transform or colour stored in full would be off by many levels, not by rounding."""
-    image = np.stack([cv2.GaussianBlur(noise_image(1, view(), k), (0, 0), 4) for k in range(channels)], axis=-1)
+@pytest.mark.parametrize(("channels", "full_colour"), [(1, False), (3, False), (3, True)])
+def test_expected_jpeg_is_the_library_s_but_for_its_whole_numbers(channels, full_colour):
+    """Wrong tables, a transposed transform or colour stored the other way would be off by many levels, not by rounding."""
+    image = np.stack([cv2.GaussianBlur(noise_image(1, view(), k), (0, 0), 2) for k in range(channels)], axis=-1)
     pixels = np.rint(image[FRAME]).astype(np.uint8)
     for quality in (30, 75, 95):
-        difference = jpeg_compression.expected(pixels.astype(np.float32), quality, 0.0) - jpeg_compression.compressed(
-            pixels, quality
-        ).astype(float)
-        assert np.sqrt((difference**2).mean()) < 1.5
-        assert np.abs(difference.mean()) < 0.1
+        expected = jpeg_compression.expected(pixels.astype(np.float32), quality, full_colour, 0.0)
+        right, other = (
+            expected - jpeg_compression.compressed(pixels, quality, way).astype(float)
+            for way in (full_colour, not full_colour)
+        )
+        assert np.sqrt((right**2).mean()) < 2
+        assert np.abs(right.mean()) < 0.1
+        assert channels == 1 or np.sqrt((right**2).mean()) < 0.6 * np.sqrt((other**2).mean())
+
+
+def test_expected_jpeg_minds_the_sensor_s_noise_too():
+    """A codec that knew the declared noise alone would give one step, or the next, where repeats are spread over several."""
+    sensor = ("sensor_noise", {"gain_dn_per_e": 0.2, "read_noise_dn": 2.0})
+    for level in (158.6, 159.5, 160.3):
+        expected, taken = flats_after_jpeg(level, ("jpeg_compression", {"loss": 73.0}), sensor)
+        assert expected.mean() == pytest.approx(taken.mean(), abs=0.3)
+    steps = jpeg_compression.tables(27)[0][0, 0] / 8
+    alone, _ = flats_after_jpeg(158.6, ("jpeg_compression", {"loss": 73.0}))
+    assert abs(alone.mean() - taken.mean()) > 0.2 * steps
 
 
 def test_expected_jpeg_keeps_the_side_of_a_coarse_step_that_noise_would_take():
@@ -190,12 +204,12 @@ def test_expected_jpeg_lies_between_two_steps_where_noise_takes_either(level):
     assert expected.mean() == pytest.approx(taken.mean(), abs=0.15)
 
 
-def flats_after_jpeg(level, effect):
+def flats_after_jpeg(level, *effects):
     """Return (expected, taken) levels of the frame of an even image under a noise of one level."""
     v = view(encoding="linear", width=400, height=400, noise_dn=1.0)
     flat = np.full((v.height + 2 * v.margin, v.width + 2 * v.margin, 1), level / 255, np.float32)
     frame = np.s_[MARGIN:-MARGIN, MARGIN:-MARGIN]
-    return [pipeline.photometric(flat, v, [effect], rng)[frame] for rng in (None, np.random.default_rng(3))]
+    return [pipeline.photometric(flat, v, list(effects), rng)[frame] for rng in (None, np.random.default_rng(3))]
 
 
 def test_tone_curve_keeps_ends_and_order():
