@@ -1,7 +1,10 @@
-"""Between linear image values (0..1) and grey levels (0..255): IEC 61966-2-1 (sRGB) or a straight line, fast."""
+"""Between linear image values (0..1) and grey levels (0..255): IEC 61966-2-1 (sRGB) or a straight line, fast; clipping."""
 
 import numpy as np
 from numba import njit
+from scipy.special import ndtr
+
+CLIPPED_SD = 4.0  # standard deviations from black or white within which noise is clipped
 
 
 def srgb_encode(linear):
@@ -42,3 +45,20 @@ def decode(grey, encoding):
     """Return linear image values (float32) of grey levels; levels below 0 lie on the curve's straight foot."""
     value = np.asarray(grey, np.float64) / 255
     return (srgb_decode(value) if encoding == "srgb" else value).astype(np.float32)
+
+
+def mean_of_clipped(levels, noise_dn):
+    """Return the mean of grey levels with Gaussian noise (a number or as the levels) that are clipped to 0..255.
+
+    E[max(X, 0)] = m Phi(m / s) + s phi(m / s) for X of mean m and standard deviation s; so for 255.
+    """
+    clipped = np.clip(levels, 0, 255)
+    if np.ndim(noise_dn) == 0 and noise_dn <= 0:
+        return clipped
+    noise = np.broadcast_to(np.maximum(np.float32(noise_dn), np.float32(1e-6)), levels.shape)
+    for sign, bound in ((1.0, 0.0), (-1.0, 255.0)):
+        near = sign * (levels - bound) < CLIPPED_SD * noise
+        d = sign * (levels[near] - bound) / noise[near]  # inwards, in standard deviations
+        mean = d * ndtr(d) + np.exp(-d * d / 2) / np.sqrt(2 * np.pi)
+        clipped[near] = bound + sign * noise[near] * mean
+    return clipped

@@ -17,11 +17,11 @@ import numpy as np
 from scipy.special import ndtr
 
 from effects.base import Parameter
+from effects.encoding import mean_of_clipped
 
 STAGE, ORDER = "processing", 60
 LEAPS = "loss"  # the tables change by leaps: a fit compares all whole values first
 MIXES_CHANNELS = True  # brightness has less noise than the channels it comes from
-MINDS_NOISE = True  # which side of a step it falls to
 PARAMETERS = {
     "loss": Parameter("1", 0.0, 95.0, 0.0, (5.0, 25.0, 45.0, 60.0, 70.0, 80.0), 3.0, "100 minus the quality"),
     "full_colour": Parameter(
@@ -205,12 +205,17 @@ def apply(image, view, p, rng):
     if rng is None:
         noise_dn = view.noise_dn[frame] if np.ndim(view.noise_dn) else view.noise_dn
         codec = functools.partial(expected, noise_dn=np.hypot(noise_dn, ROUNDING_DN))
-        pixels = np.clip(image[frame], 0, 255)
+        pixels = mean_of_clipped(image[frame], noise_dn)
     else:
         pixels, codec = np.clip(np.rint(image[frame]), 0, 255).astype(np.uint8), compressed
     out = image.copy()
     out[frame] = sum(np.float32(share) * codec(pixels, *way) for way, share in ways(p, image.shape[2] == 3))
     return out
+
+
+def noise_gain(p):
+    """Return by what noise that is still to be clipped grows: a decoder's levels are clipped."""
+    return 0.0
 
 
 def ways(p, in_colour):

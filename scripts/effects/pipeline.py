@@ -15,7 +15,7 @@ import numpy as np
 
 import effects
 from effects.base import STAGES, Parameter
-from effects.encoding import encode
+from effects.encoding import encode, mean_of_clipped
 from effects.resampling import fine_map, sample
 from rig.errors import InputError
 
@@ -265,6 +265,19 @@ def photometric(image, view, chosen, rng):
 
     rng None gives the expected image: no random noise, neither declared nor of an effect.
     """
+    return levels_and_noise(image, view, chosen, rng)[0]
+
+
+def expected_levels(image, view, chosen):
+    """Return the mean grey levels (H + 2m, W + 2m, C) of captures of linear radiance: noise moves what is clipped."""
+    return mean_of_clipped(*levels_and_noise(image, view, chosen, None))
+
+
+def levels_and_noise(image, view, chosen, rng):
+    """Return (image as of ``photometric``, standard deviation of the noise in each channel that it has or would have).
+
+    The latter, grey levels, is a number or as the image; it is followed in expected images only.
+    """
     found = active(chosen, "apply")
     colour = any(
         getattr(m, "MAKES_COLOUR", False) or (rng is not None and getattr(m, "MIXES_CHANNELS", False)) for m, _ in found
@@ -281,12 +294,16 @@ def photometric(image, view, chosen, rng):
     image = apply(apply(image, "lens"), "shutter")
     if colour and image.shape[2] == 1:
         image = np.repeat(image, 3, axis=2)  # late: what lies before costs a third
-    if rng is None and any(getattr(m, "MINDS_NOISE", False) for m, _ in found):
+    if rng is None:
         view = replace(view, noise_dn=noise_behind(image, view, of_stage(found, "sensor")))
     image = encode(apply(image, "sensor"), view.encoding)
     if rng is not None and view.noise_dn > 0:
         image = image + np.float32(view.noise_dn) * rng.standard_normal(image.shape, dtype=np.float32)
-    return apply(image, "processing")
+    for module, p in of_stage(found, "processing"):
+        image = module.apply(image, view, p, rng)
+        if rng is None and hasattr(module, "noise_gain"):
+            view = replace(view, noise_dn=view.noise_dn * module.noise_gain(p))
+    return image, view.noise_dn
 
 
 def of_stage(found, stage):
@@ -299,13 +316,13 @@ def noise_behind(image, view, sensors):
 
     A number where no sensor effect (module, params) has a variance, else as the image (H, W, C) of linear values.
     """
+    if not any(hasattr(module, "variance") for module, _ in sensors):
+        return view.noise_dn
     variance = 0.0
     for module, p in sensors:
         if hasattr(module, "variance"):
             variance = variance + module.variance(image, p)
         image = module.apply(image, view, p, None)
-    if np.ndim(variance) == 0:
-        return view.noise_dn
     spread = np.sqrt(variance) / np.float32(255)
     encoded = (encode(image + spread, view.encoding) - encode(image - spread, view.encoding)) / 2
     return np.hypot(np.float32(view.noise_dn), encoded)

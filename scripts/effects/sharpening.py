@@ -20,3 +20,12 @@ PARAMETERS = {
 def apply(image, view, p, rng):
     """Add what a blur takes away."""
     return image + np.float32(p["amount"]) * (image - gaussian(image, p["radius_px"]))
+
+
+def noise_gain(p):
+    """Return by what white noise grows: the root of the summed squares of the mask."""
+    x = np.arange(-int(4 * p["radius_px"] + 1), int(4 * p["radius_px"] + 2))
+    line = np.exp(-(x**2) / (2 * p["radius_px"] ** 2))
+    line /= line.sum()
+    middle, squares = line.max() ** 2, (line**2).sum() ** 2
+    return np.sqrt((1 + p["amount"]) ** 2 - 2 * p["amount"] * (1 + p["amount"]) * middle + p["amount"] ** 2 * squares)

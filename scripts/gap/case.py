@@ -3,7 +3,6 @@
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.special import ndtr
 
 from effects import pipeline
 from gap.finder import Finder
@@ -25,7 +24,6 @@ from gap.observe import (
 from gap.synthesis import Prints, coverages, ground_points, is_lit, shade
 from rig.geometry import perturb_pose, project
 
-CLIPPED_SD = 4.0  # standard deviations from black or white within which noise is clipped
 SCENES_KEPT = 64
 GEOMETRY_KEPT_PX = 20_000_000  # 400 MB
 MARGIN_PX = 24  # what blurs and filters see beyond the frame
@@ -41,23 +39,6 @@ def encoding_table(encoding, exposure):
     """Return the grey level (0..255) of 4097 radiances from 0 to 1."""
     radiance = np.linspace(0, 1, 4097) * exposure
     return 255 * (srgb_encode(radiance) if encoding == "srgb" else np.clip(radiance, 0, 1))
-
-
-def mean_of_clipped(levels, noise_dn):
-    """Return the mean of grey levels with Gaussian noise that are clipped to 0..255: noise moves black and white.
-
-    E[max(X, 0)] = m Phi(m / s) + s phi(m / s) for X of mean m and standard deviation s; so for 255.
-    """
-    clipped = np.clip(levels, 0, 255)
-    if noise_dn <= 0:
-        return clipped
-    for sign, bound in ((1.0, 0.0), (-1.0, 255.0)):
-        distance = sign * (levels - bound) / noise_dn  # inwards, in standard deviations
-        near = distance < CLIPPED_SD
-        d = distance[near]
-        mean = d * ndtr(d) + np.exp(-d * d / 2) / np.sqrt(2 * np.pi)
-        clipped[near] = bound + sign * noise_dn * mean
-    return clipped
 
 
 def code_corners_world(plate):
@@ -177,10 +158,13 @@ class Case:
     def image_of(self, radiance, capture, effects, delta, rng=None):
         """Return the twin's grey levels (H, W, C): expected where ``rng`` is None, else as a camera gives them."""
         view = self.view_of(capture, effects, delta)
-        image = pipeline.photometric(radiance, view, pipeline.left_to_apply(effects), rng)
+        left = pipeline.left_to_apply(effects)
+        if rng is None:
+            image = pipeline.expected_levels(radiance, view, left)
+        else:
+            image = np.clip(np.rint(pipeline.photometric(radiance, view, left, rng)), 0, 255)
         m = view.margin
-        image = image[m : m + view.height, m : m + view.width]
-        return mean_of_clipped(image, view.noise_dn) if rng is None else np.clip(np.rint(image), 0, 255)
+        return image[m : m + view.height, m : m + view.width]
 
     def finder(self):
         """Return the Finder of the rig's codes."""

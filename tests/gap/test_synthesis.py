@@ -8,8 +8,9 @@ import pytest
 
 from effects import pipeline
 from effects.base import Scene, View
+from effects.encoding import mean_of_clipped
 from effects.filters import gaussian
-from gap.case import code_corners_world, encoding_table, mean_of_clipped
+from gap.case import code_corners_world, encoding_table
 from gap.observe import COARSE_TO_FINE, FINE, Codes, measure_plates, noise_amplification, states_at
 from gap.raster import coverage
 from gap.synthesis import Prints, coverages, shade
