@@ -114,6 +114,11 @@ def starts_of(effect):
     ]
 
 
+def leaping(effect):
+    """Return the parameter with which an effect's image changes by leaps, None where there is none."""
+    return getattr(pipeline.effect_named(effect), "LEAPS", None)
+
+
 def start_step(parameter, value):
     """Return the step from the null to the farthest start: an even parameter has no slope at its null."""
     s = spec(parameter)
@@ -246,23 +251,25 @@ class Diagnosis:
             losses.append(total(there, nu))
         return gains, losses
 
-    def best_leap(self, effect, name):
-        """Return the start of an effect whose image changes by leaps with a parameter: the best of its whole values."""
-        i, parameter = self.train[0], spec((effect, name))
-        whole = range(math.ceil(parameter.lower), math.floor(parameter.upper) + 1)
-        starts = [null_of(effect) | {name: float(value)} for value in whole]
+    def best_leap(self, effect, known, others):
+        """Return ``known`` parameters of an effect whose image changes by leaps, with the best of the leaping one's whole values.
+
+        ``others`` are the effects beside it.
+        """
+        name, i = leaping(effect), self.train[0]
+        bounds = spec((effect, name))
+        whole = range(math.ceil(bounds.lower), math.floor(bounds.upper) + 1)
 
         def loss(start):
-            groups = self.fitter.residuals_at(i, self.effects + [(effect, start)], self.poses[i])
+            groups = self.fitter.residuals_at(i, others + [(effect, start)], self.poses[i])
             return total({i: groups}, NU * LEAPING_WIDTH**2)
 
-        return min(starts, key=loss)
+        return min((known | {name: float(value)} for value in whole), key=loss)
 
     def likely_starts(self, effect):
         """Return those of an effect's starts that are worth a short fit."""
-        leaping = getattr(pipeline.effect_named(effect), "LEAPS", None)
-        if leaping:
-            return [self.best_leap(effect, leaping)]
+        if leaping(effect):
+            return [self.best_leap(effect, null_of(effect), self.effects)]
         starts = starts_of(effect)
         if len(starts) <= MOST_STARTS:
             return starts
@@ -366,10 +373,33 @@ class Diagnosis:
         return [(n, k) for n, p in self.effects for k in p if n not in self.fixed]
 
     def adopt(self, candidate):
-        """Make the candidate part of the base and refit all its effects together; return the Fit."""
+        """Make the candidate part of the base and refit all its effects together; return the Fit.
+
+        A fit does not leap: what leaps in the base is looked for once more beside the new effect.
+        """
         self.poses = candidate.state.poses
         self.effects = candidate.state.effects
-        return self.set_base(self.effects, self.free())
+        fit = self.set_base(self.effects, self.free())
+        leapt = self._leapt(candidate.effect)
+        if leapt == self.effects:
+            return fit
+        before = self.effects, self.poses
+        again = self.set_base(leapt, self.free())
+        if again.loss < fit.loss:
+            return again
+        self.rebase(*before)
+        return fit
+
+    def _leapt(self, new):
+        """Return the base's effects, those that leap at their best whole values beside the others, but for the new one."""
+        effects = []
+        for name, p in self.effects:
+            if leaping(name) and name != new and name not in self.fixed:
+                best = self.best_leap(name, p, [e for e in self.effects if e[0] != name])
+                if abs(best[leaping(name)] - p[leaping(name)]) >= 1:
+                    p = best
+            effects.append((name, p))
+        return effects
 
     def drop(self, name):
         """Take an effect out of the base and refit; return the Fit."""
