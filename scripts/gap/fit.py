@@ -486,18 +486,20 @@ class Fitter:
     def errors_of(self, covariance, derivatives, groups):
         """Return (errors, cautious errors) (k,) of parameters whose covariance (k, k) holds for residuals of variance 1.
 
-        Residuals scatter less where a floor is more than the noise, and those of one capture can be wrong together: the
-        greater of what each by itself and each capture as a whole makes of the parameters. Cautious errors take a
-        variance of 1 for the former. Both hold the part of the features' floors that is the same for all plates and
-        does not average out. Sources: White, "A heteroskedasticity-consistent covariance matrix estimator" (1980); Liang
-        and Zeger, "Longitudinal data analysis using generalized linear models" (1986).
+        Residuals scatter less where a floor is more than the noise (what poses may be off by is declared, and counts as
+        such), and those of one capture can be wrong together: the greater of what each by itself and each capture as a
+        whole makes of the parameters. Cautious errors take a variance of 1 for the former. Both hold the part of the
+        features' floors that is the same for all plates and does not average out. Sources: White, "A
+        heteroskedasticity-consistent covariance matrix estimator" (1980); Liang and Zeger, "Longitudinal data analysis
+        using generalized linear models" (1986).
         """
         single, gradients, shared = 0.0, [], 0.0
         for i, (Jt, Jp) in derivatives.items():
             y, w = flatten(groups[i]), self.whiteners[i]
-            each = gradients_of(y, Jt, Jp)
-            single = single + each.T @ each
-            gradients.append(each.sum(axis=0))
+            each = weighted_without_pose(y, Jp, Jt)
+            scattered = each * scatter_of(groups[i])[:, None]
+            single = single + scattered.T @ scattered
+            gradients.append(each.T @ y)
             floors = np.tile(SHARED * np.diag(FEATURE_FLOOR), (len(w.plates), 1, 1))
             shared = shared + response(y, Jt, Jp, self._laid_out(w, floors, groups[i]))
         g = np.array(gradients) - np.mean(gradients, axis=0)
@@ -609,9 +611,9 @@ def response(y, Jt, Jp, change):
     return Jt.T @ weighted_without_pose(y, Jp, change)
 
 
-def gradients_of(y, Jt, Jp):
-    """Return (n, k): what each of a capture's residuals y (n,) adds to the gradient, its pose eliminated."""
-    return weighted_without_pose(y, Jp, Jt) * y[:, None]
+def scatter_of(groups):
+    """Return the standard deviations (n,) that a capture's residual groups tell of themselves; 1 of what is declared."""
+    return flatten(groups | {"pose": np.ones_like(groups["pose"])}) if "pose" in groups else flatten(groups)
 
 
 def weighted_without_pose(y, Jp, change):

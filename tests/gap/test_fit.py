@@ -1,10 +1,12 @@
 """The normal equations of a fit: what poses can explain, parameters must not."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from effects import pipeline
-from gap.fit import NU, image_step, response, rounding_variance, updated, without_pose
+from gap.fit import NU, Fitter, image_step, response, rounding_variance, updated, without_pose
 
 
 def residuals_and_derivatives():
@@ -51,3 +53,20 @@ def test_a_step_within_the_errors_corrects_no_derivative(share_of_error, correct
     after = {0: {"levels": before[0]["levels"] - 1.5 * J @ d + rng.normal(0, 1e-3, 400)}}
     new, _ = updated({0: (J, np.zeros((400, 6)))}, before, after, d, np.zeros((1, 6)), precision)[0]
     assert np.allclose(new, 1.5 * J if corrected else J, atol=0.1)
+
+
+def test_stated_errors_follow_the_scatter_and_cautious_ones_do_not():
+    """Errors of residuals that scatter by 0.3 are 0.3 of what whitening says; poses count as they were declared."""
+    rng, fitter, captures = np.random.default_rng(1), object.__new__(Fitter), range(60)
+    whitener = SimpleNamespace(plates=[0], lower_inverse=np.eye(19)[None])
+    fitter.whiteners = dict.fromkeys(captures, whitener)
+    sizes = {"corners": (1, 8), "levels": (1, 5), "edges": (1, 6), "pose": (6,)}
+    groups = {i: {name: 0.3 * rng.standard_normal(size) for name, size in sizes.items()} for i in captures}
+    by_image = np.vstack([np.eye(19, 1), np.zeros((6, 1))])
+    by_pose_alone = np.vstack([np.zeros((19, 1)), np.eye(6, 1)])
+    derivatives = {i: (np.hstack([by_image, by_pose_alone]), np.zeros((25, 6))) for i in captures}
+    H, _, _ = Fitter.normal_equations(derivatives, groups, NU, (np.zeros((2, 2)), np.zeros(2)))
+    errors, cautious = fitter.errors_of(np.linalg.inv(H), derivatives, groups)
+    expected = 1 / np.sqrt(len(captures))
+    np.testing.assert_allclose(errors, [0.3 * expected, expected], rtol=0.2)
+    np.testing.assert_allclose(cautious, [expected, expected], rtol=0.05)
