@@ -71,8 +71,8 @@ class View:
     camera, capture, station  names, for seeds
     exposure     scale from radiance to linear image value
     encoding     ``srgb`` or ``linear``
-    noise_dn     standard deviation of the noise in each channel, grey levels, a number or an image's shape: the declared
-                 one, and of an expected image, which has none of it, with what its sensor adds, where an effect asks
+    noise_dn     standard deviation of the noise in each channel, grey levels: the declared one, a number. In the processing
+                 of an expected image, which has none of it, what its sensor would add as well, then (H, W, C)
     """
 
     K: np.ndarray

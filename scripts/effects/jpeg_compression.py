@@ -164,13 +164,13 @@ def expected(image, quality, full_colour, noise_dn):
     ``noise_dn``, a number or (H, W, 1 or 3), is the standard deviation in each of three channels: brightness has less.
     """
     brightness, colour = tables(quality)
-    noise = BRIGHTNESS_NOISE * _of_all_channels(noise_dn)
+    of_channels = _of_all_channels(noise_dn)
+    noise = BRIGHTNESS_NOISE * of_channels
     if image.shape[2] == 1:
         return mean_decoded(image[..., 0] - MIDDLE, brightness, noise, lambda y: _whole(y + MIDDLE)[..., None])
     y, *chroma = np.moveaxis(image @ TO_YCC.T, 2, 0)
-    stored = _stored_in_full if full_colour else _stored_in_half
-    noise_of_colour = COLOUR_NOISE * _of_all_channels(noise_dn)
-    planes = [stored(plane, colour, noise_of_colour) for plane in chroma]
+    stored = quantised if full_colour else _stored_in_half
+    planes = [stored(plane, colour, COLOUR_NOISE * of_channels) for plane in chroma]
 
     def decode(y):
         return _whole(np.stack([y + MIDDLE, *planes], axis=-1) @ TO_RGB.T)
@@ -181,10 +181,6 @@ def expected(image, quality, full_colour, noise_dn):
 def _of_all_channels(noise_dn):
     """Return a noise, a number or (H, W, C), as a number or (H, W)."""
     return np.sqrt((noise_dn**2).mean(axis=2)) if np.ndim(noise_dn) else noise_dn
-
-
-def _stored_in_full(plane, table, noise):
-    return quantised(plane, table, noise)
 
 
 def _stored_in_half(plane, table, noise):

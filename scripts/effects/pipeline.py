@@ -294,9 +294,16 @@ def levels_and_noise(image, view, chosen, rng):
     image = apply(apply(image, "lens"), "shutter")
     if colour and image.shape[2] == 1:
         image = np.repeat(image, 3, axis=2)  # late: what lies before costs a third
-    if rng is None:
-        view = replace(view, noise_dn=noise_behind(image, view, of_stage(found, "sensor")))
-    image = encode(apply(image, "sensor"), view.encoding)
+    variance = 0.0
+    for module, p in of_stage(found, "sensor"):
+        if rng is None and hasattr(module, "variance"):
+            variance = variance + module.variance(image, p)
+        image = module.apply(image, view, p, rng)
+    if np.ndim(variance):
+        view = replace(
+            view, noise_dn=np.hypot(np.float32(view.noise_dn), encoded_noise(image, variance, view.encoding))
+        )
+    image = encode(image, view.encoding)
     if rng is not None and view.noise_dn > 0:
         image = image + np.float32(view.noise_dn) * rng.standard_normal(image.shape, dtype=np.float32)
     for module, p in of_stage(found, "processing"):
@@ -311,21 +318,10 @@ def of_stage(found, stage):
     return [(module, p) for module, p in found if module.STAGE == stage]
 
 
-def noise_behind(image, view, sensors):
-    """Return the standard deviation of the noise in each channel, grey levels, that an expected image has none of.
-
-    A number where no sensor effect (module, params) has a variance, else as the image (H, W, C) of linear values.
-    """
-    if not any(hasattr(module, "variance") for module, _ in sensors):
-        return view.noise_dn
-    variance = 0.0
-    for module, p in sensors:
-        if hasattr(module, "variance"):
-            variance = variance + module.variance(image, p)
-        image = module.apply(image, view, p, None)
+def encoded_noise(image, variance, encoding):
+    """Return the standard deviation, grey levels (H, W, C), of encoded linear values of a variance (full scale 255)."""
     spread = np.sqrt(variance) / np.float32(255)
-    encoded = (encode(image + spread, view.encoding) - encode(image - spread, view.encoding)) / 2
-    return np.hypot(np.float32(view.noise_dn), encoded)
+    return (encode(image + spread, encoding) - encode(image - spread, encoding)) / 2
 
 
 def form_image(radiance, view, chosen, rng):

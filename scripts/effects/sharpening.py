@@ -6,7 +6,7 @@ v' = v + amount (v - blur(v)), a Gaussian of radius_px. Source: unsharp masking 
 import numpy as np
 
 from effects.base import Parameter
-from effects.filters import gaussian
+from effects.filters import gaussian, gaussian_taps
 
 STAGE, ORDER = "processing", 40
 PARAMETERS = {
@@ -24,8 +24,6 @@ def apply(image, view, p, rng):
 
 def noise_gain(p):
     """Return by what white noise grows: the root of the summed squares of the mask."""
-    x = np.arange(-int(4 * p["radius_px"] + 1), int(4 * p["radius_px"] + 2))
-    line = np.exp(-(x**2) / (2 * p["radius_px"] ** 2))
-    line /= line.sum()
-    middle, squares = line.max() ** 2, (line**2).sum() ** 2
+    taps = gaussian_taps(p["radius_px"])
+    middle, squares = taps.max() ** 2, (taps**2).sum() ** 2
     return np.sqrt((1 + p["amount"]) ** 2 - 2 * p["amount"] * (1 + p["amount"]) * middle + p["amount"] ** 2 * squares)

@@ -453,7 +453,8 @@ class Fitter:
             derivatives = self.with_exact_columns(derivatives, effects, free, poses, groups)
             H, _, _ = self.normal_equations(derivatives, groups, NU, prior_equations(effects, free))
             covariance = np.linalg.pinv(H + np.diag(np.full(len(free), 1e-12)))
-            errors, cautious_errors = self.errors_of(covariance, derivatives, groups)
+            _, precision = priors_of(free)
+            errors, cautious_errors = self.errors_of(covariance, derivatives, groups, precision)
         return Fit(State(effects, poses, offsets), total(groups, NU), errors, cautious_errors, converged)
 
     def derivatives(self, effects, free, poses, groups, train, step_of=None):
@@ -483,17 +484,17 @@ class Fitter:
             out[i] = Jt, self.pose_columns(i, effects, poses[i], groups[i])
         return out
 
-    def errors_of(self, covariance, derivatives, groups):
+    def errors_of(self, covariance, derivatives, groups, precision):
         """Return (errors, cautious errors) (k,) of parameters whose covariance (k, k) holds for residuals of variance 1.
 
-        Residuals scatter less where a floor is more than the noise (what poses may be off by is declared, and counts as
-        such), and those of one capture can be wrong together: the greater of what each by itself and each capture as a
-        whole makes of the parameters. Cautious errors take a variance of 1 for the former. Both hold the part of the
-        features' floors that is the same for all plates and does not average out. Sources: White, "A
-        heteroskedasticity-consistent covariance matrix estimator" (1980); Liang and Zeger, "Longitudinal data analysis
-        using generalized linear models" (1986).
+        Residuals scatter less where a floor is more than the noise (what poses may be off by, and priors of ``precision``
+        (k,), are declared and count as such), and those of one capture can be wrong together: the greater of what each by
+        itself and each capture as a whole makes of the parameters. Cautious errors take a variance of 1 for the former.
+        Both hold the part of the features' floors that is the same for all plates and does not average out. Sources:
+        White, "A heteroskedasticity-consistent covariance matrix estimator" (1980); Liang and Zeger, "Longitudinal data
+        analysis using generalized linear models" (1986).
         """
-        single, gradients, shared = 0.0, [], 0.0
+        single, gradients, shared = np.diag(precision), [], 0.0
         for i, (Jt, Jp) in derivatives.items():
             y, w = flatten(groups[i]), self.whiteners[i]
             each = weighted_without_pose(y, Jp, Jt)

@@ -66,7 +66,17 @@ def test_stated_errors_follow_the_scatter_and_cautious_ones_do_not():
     by_pose_alone = np.vstack([np.zeros((19, 1)), np.eye(6, 1)])
     derivatives = {i: (np.hstack([by_image, by_pose_alone]), np.zeros((25, 6))) for i in captures}
     H, _, _ = Fitter.normal_equations(derivatives, groups, NU, (np.zeros((2, 2)), np.zeros(2)))
-    errors, cautious = fitter.errors_of(np.linalg.inv(H), derivatives, groups)
+    errors, cautious = fitter.errors_of(np.linalg.inv(H), derivatives, groups, np.zeros(2))
     expected = 1 / np.sqrt(len(captures))
     np.testing.assert_allclose(errors, [0.3 * expected, expected], rtol=0.2)
     np.testing.assert_allclose(cautious, [expected, expected], rtol=0.05)
+
+
+def test_what_only_a_prior_tells_is_known_as_well_as_the_prior():
+    """A parameter that no residual sees, as a codec's colour in grey images, would be stated without any error."""
+    fitter = object.__new__(Fitter)
+    fitter.whiteners = [SimpleNamespace(plates=[0], lower_inverse=np.eye(19)[None])]
+    groups = {0: {"corners": np.ones((1, 8)), "levels": np.ones((1, 5)), "edges": np.ones((1, 6))}}
+    derivatives = {0: (np.zeros((19, 1)), np.zeros((19, 6)))}
+    errors, cautious = fitter.errors_of(np.diag([0.5**2]), derivatives, groups, np.array([0.5**-2]))
+    assert (errors[0], cautious[0]) == (pytest.approx(0.5), pytest.approx(0.5))
