@@ -63,10 +63,10 @@ def check_names(done):
 
 def available_effects():
     """Return {name: module} of all effects. Imported only here: it costs a second that most starts can spare."""
-    from effects import pipeline
+    from effects import library
 
     try:
-        return pipeline.available_effects()
+        return library.available_effects()
     except InputError as error:
         end_with(error)
 

@@ -12,7 +12,14 @@ GAP_CODE = modules(
     "detectors/contract.py",
     *[
         f"effects/{name}.py"
-        for name in ("base", "encoding", "filters", "pipeline", "resampling")
+        for name in (
+            "base",
+            "encoding",
+            "filters",
+            "library",
+            "pipeline",
+            "resampling",
+        )
     ],
     *[
         f"gap/{name}.py"

@@ -18,6 +18,7 @@ rule expose_twin:
             "effects/base.py",
             "effects/encoding.py",
             "effects/filters.py",
+            "effects/library.py",
             "effects/pipeline.py",
             "effects/resampling.py",
             "rig/geometry.py",

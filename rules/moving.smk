@@ -44,6 +44,7 @@ rule render_moving:
             "blender/renderer.py",
             "effects/base.py",
             "effects/encoding.py",
+            "effects/library.py",
             "effects/pipeline.py",
             "rig/render_store.py",
         ),

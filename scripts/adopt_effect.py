@@ -26,7 +26,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 import job
-from effects import pipeline
+from effects import library
 from rig.errors import InputError
 from rig.safe_yaml import load_yaml
 from rig.twins import load_twin
@@ -125,7 +125,7 @@ def rounded(value, se, parameter):
 
 def entry_of(effect, values, origin):
     """Return a twin's entry, with a comment of unit and standard error at each parameter."""
-    known = pipeline.effect_named(effect).PARAMETERS
+    known = library.parameters_of(effect)
     parameters = CommentedMap()
     for key, (value, se) in values.items():
         parameters[key] = rounded(value, se, known[key])
@@ -276,7 +276,7 @@ def adopt(path, campaign, camera, effects):
     adopted = dict(load_twin(path).effects)
     entries = []
     for effect in effects or [next_effect(diagnosis, adopted)]:
-        pipeline.effect_named(effect)
+        library.effect_named(effect)
         entries.append(entry_of(effect, *finding(diagnosis, effect)))
     add(path, entries, campaign, camera)
     for entry in entries:

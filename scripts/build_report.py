@@ -79,7 +79,7 @@ NEAR_FLOOR = 1.2  # a gap up to this is told as the floor
 
 
 def plain(name):
-    """Return an identifier as words: ``radial_distortion`` is ``radial distortion``."""
+    """Return an identifier as words: ``some_effect`` is ``some effect``."""
     return name.replace("_", " ")
 
 

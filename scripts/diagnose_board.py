@@ -11,11 +11,11 @@ import numpy as np
 import pandas as pd
 
 import job
-from effects import pipeline
+from effects import library
 from effects.base import View
 from gap import ladder, points
 from gap.climb import ENOUGH
-from gap.diagnose import MANY_PARAMETERS, null_of
+from gap.diagnose import MANY_PARAMETERS
 from register_captures import better_finder, board_finder, look_at_captures, usable_views
 from rig import calibration, tables
 from rig.campaign import Board
@@ -63,7 +63,7 @@ def climb(train, test, focal, sigma, most_steps):
     What can mimic anything, a warp of many waves, competes only where the others leave a gap.
     """
     base = evaluated(train, test, [], [], focal, sigma)
-    rigid = [n for n in points.point_effects() if len(null_of(n)) <= MANY_PARAMETERS]
+    rigid = [n for n in points.point_effects() if len(library.nulls_of(n)) <= MANY_PARAMETERS]
     steps, first = climbed(base, rigid, train, test, sigma, most_steps)
     if (steps[-1][2] if steps else base)["gap"] > BOARD_ENOUGH:
         steps, _ = climbed(base, points.point_effects(), train, test, sigma, most_steps, steps)
@@ -92,7 +92,7 @@ def climbed(base, names, train, test, sigma, most_steps, taken=()):
 
 def candidate(name, current, train, test, sigma):
     """Return the outcome of an effect added to the current one, all effects refitted."""
-    start = {k: p.starts[0] for k, p in pipeline.available_effects()[name].PARAMETERS.items()}
+    start = library.starts_of(name)[0]
     effects = [*current["effects"], (name, start)]
     outcome = evaluated(train, test, effects, all_free(effects), current["focal"], sigma)
     gain = current["losses"] - outcome["losses"]
@@ -109,7 +109,7 @@ def diagnose_board(expand, campaign, camera, most_steps, out, out_ladder):
     size = int(row.width), int(row.height)
     look = board_finder(Board.model_validate(facts["target"]))
     found = better_finder(look_at_captures(campaign, captures, size, look)[1], size, [])
-    others = sorted(set(pipeline.available_effects()) - set(points.point_effects()))
+    others = sorted(set(library.available_effects()) - set(points.point_effects()))
     result = {"campaign": facts["name"], "camera": camera, "steps": [], "candidates": [], "where": [], "floor": {}}
     result |= {"suggested_station": None, "not_looked_at": dict.fromkeys(others, NOT_LOOKED_AT), "configured": []}
     if len(usable_views(found)) < 2 * calibration.LEAST_VIEWS:

@@ -15,7 +15,7 @@ from workflow_runs import copy_project, snakemake
 
 CONFIG = ("detectors={aruco_subpix: null}", "diagnose={candidates: [lens_blur]}", "render={edge_samples: 16}")
 UNLISTED = {  # renders look up their effects in the pipeline, and use nothing else of it
-    "render_stations": {f"scripts/effects/{name}.py" for name in ("encoding", "pipeline", "resampling")}
+    "render_stations": {f"scripts/effects/{name}.py" for name in ("encoding", "library", "pipeline", "resampling")}
 }
 
 

@@ -2,7 +2,8 @@
 
 A detector is a module or package in this folder with ``PARAMETERS`` (dict of defaults) and
 ``make_detector(dictionaries, **parameters)``, whose result has ``detect(image) -> list[Detection]``.
-Names that begin with ``_`` and this file are no detectors.
+Names that begin with ``_`` and this file are no detectors. One that also works on sequences names a module of its package,
+``TRACKER``, which has ``TRACKER_PARAMETERS`` and ``Tracker(dictionaries, K=, code_m=, **parameters)``.
 """
 
 import importlib
@@ -46,6 +47,12 @@ def load(name):
     if name not in available():
         raise InputError(f"unknown detector {name!r}; allowed are {', '.join(available())}")
     return importlib.import_module(f"detectors.{name}")
+
+
+def tracker_of(name):
+    """Return the module with which a detector follows markers through a sequence; None where it has none."""
+    module = load(name)
+    return importlib.import_module(f"detectors.{name}.{module.TRACKER}") if hasattr(module, "TRACKER") else None
 
 
 def check_parameters(name, parameters, where="parameters"):

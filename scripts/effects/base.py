@@ -6,31 +6,32 @@ import numpy as np
 
 FRESNEL_RISE = 0.96 / 0.04  # of the reflectance of glass, from straight to grazing
 STAGES = ("scene", "lens", "shutter", "sensor", "processing")
+AFFECTED = ("geometry", "point_spread", "intensity")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Parameter:
     """One parameter of an effect.
 
-    unit     as in ``px``, ``deg``, ``m``, ``dn`` (grey levels of 8 bits) or ``1``
+    unit       as in ``px``, ``deg``, ``m``, ``dn`` (grey levels of 8 bits) or ``1``
     lower, upper  bounds of what is physically sensible
-    null     the value at which the effect does nothing
-    starts   values from which a fit starts; several for even parameters and where fits stick
-    matters  the smallest departure from null that is worth naming
-    doc      what it is, in one sentence
-    spread   standard deviation of a prior about null, for what data may leave undetermined; None: no prior
-    qualifies  whether it only says how another parameter acts and does nothing by itself
+    null       the value at which the effect does nothing
+    matters    the smallest departure from null that is worth naming
+    doc        what it is, in one sentence
+    prior_sd   standard deviation of a prior about null, for what data may leave undetermined; None: no prior
+    auxiliary  whether it only says how another parameter acts and does nothing by itself
+    discrete   whether the image changes by leaps with it: whole values are compared before a fit
     """
 
     unit: str
     lower: float
     upper: float
     null: float
-    starts: tuple
     matters: float
     doc: str
-    spread: float | None = None
-    qualifies: bool = False
+    prior_sd: float | None = None
+    auxiliary: bool = False
+    discrete: bool = False
 
 
 @dataclass(frozen=True)

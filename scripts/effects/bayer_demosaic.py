@@ -12,16 +12,31 @@ from numba import njit
 from effects.base import Parameter
 
 STAGE, ORDER = "sensor", 30
+AFFECTS = "intensity"
 MAKES_COLOUR = True
 RED = {"rggb": (0, 0), "grbg": (0, 1), "gbrg": (1, 0), "bggr": (1, 1)}  # row, column of red in the frame's first block
 PARAMETERS = {
-    name: Parameter("1", 0.0, 1.0, 0.0, (0.25,), 0.1, f"share of the mosaic that begins with {name.upper()}")
+    name: Parameter(
+        unit="1",
+        lower=0.0,
+        upper=1.0,
+        null=0.0,
+        matters=0.1,
+        doc=f"share of the mosaic that begins with {name.upper()}",
+    )
     for name in RED
 } | {
     "corrected": Parameter(
-        "1", 0.0, 1.0, 0.0, (0.5,), 0.1, "share of Malvar's correction; nothing without a mosaic", qualifies=True
+        unit="1",
+        lower=0.0,
+        upper=1.0,
+        null=0.0,
+        matters=0.1,
+        doc="share of Malvar's correction; nothing without a mosaic",
+        auxiliary=True,
     )
 }
+STARTS = (dict.fromkeys(RED, 0.25) | {"corrected": 0.5},)
 
 
 @njit(cache=True)

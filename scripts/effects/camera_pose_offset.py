@@ -10,14 +10,26 @@ from effects.base import Parameter
 from rig.geometry import make_pose
 
 STAGE, ORDER = "scene", 10
-MOVES_POINTS = True
+AFFECTS = "geometry"
 PARAMETERS = {
-    "turn_x_deg": Parameter("deg", -20, 20, 0.0, (0.0,), 0.1, "the scene's turn about the camera's x axis"),
-    "turn_y_deg": Parameter("deg", -20, 20, 0.0, (0.0,), 0.1, "the scene's turn about the camera's y axis"),
-    "turn_z_deg": Parameter("deg", -20, 20, 0.0, (0.0,), 0.1, "the scene's turn about the camera's z axis"),
-    "step_x_m": Parameter("m", -0.3, 0.3, 0.0, (0.0,), 0.001, "the scene's step along the camera's x axis"),
-    "step_y_m": Parameter("m", -0.3, 0.3, 0.0, (0.0,), 0.001, "the scene's step along the camera's y axis"),
-    "step_z_m": Parameter("m", -0.3, 0.3, 0.0, (0.0,), 0.001, "the scene's step along the camera's z axis"),
+    "turn_x_deg": Parameter(
+        unit="deg", lower=-20, upper=20, null=0.0, matters=0.1, doc="the scene's turn about the camera's x axis"
+    ),
+    "turn_y_deg": Parameter(
+        unit="deg", lower=-20, upper=20, null=0.0, matters=0.1, doc="the scene's turn about the camera's y axis"
+    ),
+    "turn_z_deg": Parameter(
+        unit="deg", lower=-20, upper=20, null=0.0, matters=0.1, doc="the scene's turn about the camera's z axis"
+    ),
+    "step_x_m": Parameter(
+        unit="m", lower=-0.3, upper=0.3, null=0.0, matters=0.001, doc="the scene's step along the camera's x axis"
+    ),
+    "step_y_m": Parameter(
+        unit="m", lower=-0.3, upper=0.3, null=0.0, matters=0.001, doc="the scene's step along the camera's y axis"
+    ),
+    "step_z_m": Parameter(
+        unit="m", lower=-0.3, upper=0.3, null=0.0, matters=0.001, doc="the scene's step along the camera's z axis"
+    ),
 }
 
 

@@ -9,10 +9,11 @@ from effects.base import Parameter
 from effects.encoding import decode, encode
 
 STAGE, ORDER = "processing", 10
+AFFECTS = "intensity"
 MAKES_COLOUR = True
 PARAMETERS = {
-    "red_gain": Parameter("1", 0.3, 3.0, 1.0, (1.0,), 0.005, "gain of red over green's"),
-    "blue_gain": Parameter("1", 0.3, 3.0, 1.0, (1.0,), 0.005, "gain of blue over green's"),
+    "red_gain": Parameter(unit="1", lower=0.3, upper=3.0, null=1.0, matters=0.005, doc="gain of red over green's"),
+    "blue_gain": Parameter(unit="1", lower=0.3, upper=3.0, null=1.0, matters=0.005, doc="gain of blue over green's"),
 }
 
 

@@ -11,12 +11,28 @@ from effects.base import Parameter, inverse_depth
 from effects.filters import LEVELS_PX, pixel_grid, soft_disc, soft_points, varying_blur
 
 STAGE, ORDER = "lens", 120
+AFFECTS = "point_spread"
 NEAREST_M = 0.05
 PARAMETERS = {
-    "blur_px_per_dioptre": Parameter("px m", 0.0, 10.0, 0.0, (0.6, 1.5), 0.15, "spread per dioptre out of focus"),
-    "focus_m": Parameter("m", 0.1, 20.0, 1.0, (0.5, 1.5), 0.05, "depth that is in focus", qualifies=True),
-    "softness": Parameter("1", 0.0, 1.0, 0.0, (0.5,), 0.2, "Gaussian share of the disc's variance", qualifies=True),
+    "blur_px_per_dioptre": Parameter(
+        unit="px m", lower=0.0, upper=10.0, null=0.0, matters=0.15, doc="spread per dioptre out of focus"
+    ),
+    "focus_m": Parameter(
+        unit="m", lower=0.1, upper=20.0, null=1.0, matters=0.05, doc="depth that is in focus", auxiliary=True
+    ),
+    "softness": Parameter(
+        unit="1",
+        lower=0.0,
+        upper=1.0,
+        null=0.0,
+        matters=0.2,
+        doc="Gaussian share of the disc's variance",
+        auxiliary=True,
+    ),
 }
+STARTS = tuple(
+    {"blur_px_per_dioptre": blur, "focus_m": focus, "softness": 0.5} for blur, focus in ((0.6, 0.5), (1.5, 1.5))
+)
 
 
 def spread_px(x, y, view, p):

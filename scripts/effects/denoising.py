@@ -10,17 +10,25 @@ import numpy as np
 from effects.base import Parameter
 
 STAGE, ORDER = "processing", 30
+AFFECTS = "intensity"
 DIAMETER_PX = 9  # of the bilateral filter's window: 7 cut off a reach of 1.8 px
 MEDIAN_PX = 3
 PARAMETERS = {
     "strength_dn": Parameter(
-        "dn", 0.0, 80.0, 0.0, (2.0, 8.0, 20.0, 0.0), 0.5, "standard deviation of levels that are averaged"
+        unit="dn", lower=0.0, upper=80.0, null=0.0, matters=0.5, doc="standard deviation of levels that are averaged"
     ),
     "reach_px": Parameter(
-        "px", 0.4, 3.0, 1.5, (1.5,), 0.1, "standard deviation of the distance over which they are", qualifies=True
+        unit="px",
+        lower=0.4,
+        upper=3.0,
+        null=1.5,
+        matters=0.1,
+        doc="standard deviation of the distance over which they are",
+        auxiliary=True,
     ),
-    "median_share": Parameter("1", 0.0, 1.0, 0.0, (0.0, 0.0, 0.0, 0.7), 0.1, "share of the median"),
+    "median_share": Parameter(unit="1", lower=0.0, upper=1.0, null=0.0, matters=0.1, doc="share of the median"),
 }
+STARTS = ({"strength_dn": 2.0}, {"strength_dn": 8.0}, {"strength_dn": 20.0}, {"median_share": 0.7})
 
 
 def bilateral(plane, p):

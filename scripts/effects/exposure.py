@@ -8,7 +8,12 @@ import numpy as np
 from effects.base import Parameter
 
 STAGE, ORDER = "sensor", 10
-PARAMETERS = {"scale": Parameter("1", 0.1, 10.0, 1.0, (1.0,), 0.01, "true exposure over the nominal one")}
+AFFECTS = "intensity"
+PARAMETERS = {
+    "scale": Parameter(
+        unit="1", lower=0.1, upper=10.0, null=1.0, matters=0.01, doc="true exposure over the nominal one"
+    )
+}
 
 
 def apply(image, view, p, rng):

@@ -10,12 +10,22 @@ from effects.base import Parameter
 from effects.filters import LEVELS_PX, pixel_grid, soft_disc, soft_points, squared_radius, varying_blur
 
 STAGE, ORDER = "lens", 130
+AFFECTS = "point_spread"
 PARAMETERS = {
     "sigma_corner_px": Parameter(
-        "px", 0.0, 8.0, 0.0, (1.0, 3.0), 0.3, "standard deviation of the spread in the corners"
+        unit="px", lower=0.0, upper=8.0, null=0.0, matters=0.3, doc="standard deviation of the spread in the corners"
     ),
-    "softness": Parameter("1", 0.0, 1.0, 0.0, (0.5,), 0.2, "Gaussian share of the disc's variance", qualifies=True),
+    "softness": Parameter(
+        unit="1",
+        lower=0.0,
+        upper=1.0,
+        null=0.0,
+        matters=0.2,
+        doc="Gaussian share of the disc's variance",
+        auxiliary=True,
+    ),
 }
+STARTS = tuple({"sigma_corner_px": sigma, "softness": 0.5} for sigma in (1.0, 3.0))
 
 
 def spread_px(x, y, view, p):

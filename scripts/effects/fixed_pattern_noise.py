@@ -12,10 +12,16 @@ from effects.base import Parameter
 from job import seed_of
 
 STAGE, ORDER = "sensor", 15
+AFFECTS = "intensity"
 PARAMETERS = {
-    "prnu": Parameter("1", 0.0, 0.2, 0.0, (0.01, 0.0, 0.01), 0.005, "standard deviation of the pixels' gains"),
-    "column_offset_dn": Parameter("dn", 0.0, 20.0, 0.0, (0.0, 1.0, 1.0), 0.1, "of the columns' offsets, linear levels"),
+    "prnu": Parameter(
+        unit="1", lower=0.0, upper=0.2, null=0.0, matters=0.005, doc="standard deviation of the pixels' gains"
+    ),
+    "column_offset_dn": Parameter(
+        unit="dn", lower=0.0, upper=20.0, null=0.0, matters=0.1, doc="of the columns' offsets, linear levels"
+    ),
 }
+STARTS = ({"prnu": 0.01}, {"column_offset_dn": 1.0}, {"prnu": 0.01, "column_offset_dn": 1.0})
 
 
 @functools.lru_cache(maxsize=8)

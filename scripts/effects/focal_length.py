@@ -6,7 +6,12 @@ x' = c + ratio (x - c). Source: pinhole camera model.
 from effects.base import Parameter
 
 STAGE, ORDER = "lens", 50
-PARAMETERS = {"ratio": Parameter("1", 0.5, 2.0, 1.0, (1.0,), 0.001, "true focal length over the nominal one")}
+AFFECTS = "geometry"
+PARAMETERS = {
+    "ratio": Parameter(
+        unit="1", lower=0.5, upper=2.0, null=1.0, matters=0.001, doc="true focal length over the nominal one"
+    )
+}
 
 
 def map_points(xy, view, p, channel):

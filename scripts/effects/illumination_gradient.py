@@ -7,16 +7,35 @@ first order of any uneven light) and a lamp that is near, E = h / d^3. Source: L
 from effects.base import Parameter
 
 STAGE, ORDER = "scene", 60
+AFFECTS = "intensity"
 PARAMETERS = {
-    "gradient_x": Parameter("1/m", -2.0, 2.0, 0.0, (0.0,), 0.01, "relative change of light per metre to the right"),
-    "gradient_y": Parameter("1/m", -0.9, 0.9, 0.0, (0.0,), 0.01, "relative change of light per metre forward"),
-    "lamp_share": Parameter("1", 0.0, 1.0, 0.0, (0.0, 0.4, 0.4, 0.4, 0.4), 0.02, "share of the light from a near lamp"),
-    "lamp_x_m": Parameter(
-        "m", -4.0, 4.0, 0.0, (0.0, 1.0, -1.0, 1.0, -1.0), 0.05, "lamp, to the right", 3.0, qualifies=True
+    "gradient_x": Parameter(
+        unit="1/m", lower=-2.0, upper=2.0, null=0.0, matters=0.01, doc="relative change of light per metre to the right"
     ),
-    "lamp_y_m": Parameter("m", -4.0, 6.0, 1.0, (1.0, 0.0, 0.0, 2.0, 2.0), 0.05, "lamp, forward", 3.0, qualifies=True),
-    "lamp_height_m": Parameter("m", 0.3, 6.0, 1.5, (1.5,), 0.05, "lamp, above the ground", 3.0, qualifies=True),
+    "gradient_y": Parameter(
+        unit="1/m", lower=-0.9, upper=0.9, null=0.0, matters=0.01, doc="relative change of light per metre forward"
+    ),
+    "lamp_share": Parameter(
+        unit="1", lower=0.0, upper=1.0, null=0.0, matters=0.02, doc="share of the light from a near lamp"
+    ),
+    "lamp_x_m": Parameter(
+        unit="m", lower=-4.0, upper=4.0, null=0.0, matters=0.05, doc="lamp, to the right", prior_sd=3.0, auxiliary=True
+    ),
+    "lamp_y_m": Parameter(
+        unit="m", lower=-4.0, upper=6.0, null=1.0, matters=0.05, doc="lamp, forward", prior_sd=3.0, auxiliary=True
+    ),
+    "lamp_height_m": Parameter(
+        unit="m",
+        lower=0.3,
+        upper=6.0,
+        null=1.5,
+        matters=0.05,
+        doc="lamp, above the ground",
+        prior_sd=3.0,
+        auxiliary=True,
+    ),
 }
+STARTS = ({}, *({"lamp_share": 0.4, "lamp_x_m": x, "lamp_y_m": y} for y in (0.0, 2.0) for x in (1.0, -1.0)))
 
 
 def change_scene(scene, p):

@@ -6,9 +6,14 @@ Linear reflectances are the nominal ones plus the changes. Source: Lambertian re
 from effects.base import Parameter
 
 STAGE, ORDER = "scene", 50
+AFFECTS = "intensity"
 PARAMETERS = {
-    "white_change": Parameter("1", -0.6, 0.6, 0.0, (0.0,), 0.005, "reflectance of white minus the nominal one"),
-    "black_change": Parameter("1", -0.3, 0.6, 0.0, (0.0,), 0.002, "reflectance of black minus the nominal one"),
+    "white_change": Parameter(
+        unit="1", lower=-0.6, upper=0.6, null=0.0, matters=0.005, doc="reflectance of white minus the nominal one"
+    ),
+    "black_change": Parameter(
+        unit="1", lower=-0.3, upper=0.6, null=0.0, matters=0.002, doc="reflectance of black minus the nominal one"
+    ),
 }
 
 

@@ -6,8 +6,11 @@ Source: dot gain; print growth of ISO/IEC 15416.
 from effects.base import Parameter
 
 STAGE, ORDER = "scene", 40
+AFFECTS = "intensity"
 PARAMETERS = {
-    "spread_m": Parameter("m", -0.004, 0.004, 0.0, (0.0,), 0.00004, "outward move of the boundaries of black")
+    "spread_m": Parameter(
+        unit="m", lower=-0.004, upper=0.004, null=0.0, matters=0.00004, doc="outward move of the boundaries of black"
+    )
 }
 
 

@@ -20,14 +20,24 @@ from effects.base import Parameter
 from effects.encoding import mean_of_clipped
 
 STAGE, ORDER = "processing", 60
-LEAPS = "loss"  # the tables change by leaps: a fit compares all whole values first
+AFFECTS = "intensity"
 MIXES_CHANNELS = True  # brightness has less noise than the channels it comes from
 PARAMETERS = {
-    "loss": Parameter("1", 0.0, 95.0, 0.0, (5.0, 25.0, 45.0, 60.0, 70.0, 80.0), 3.0, "100 minus the quality"),
+    "loss": Parameter(
+        unit="1", lower=0.0, upper=95.0, null=0.0, matters=3.0, doc="100 minus the quality", discrete=True
+    ),
     "full_colour": Parameter(
-        "1", 0.0, 1.0, 0.0, (0.0,), 0.5, "share of 4:4:4 instead of 4:2:0; nothing in grey images", 0.5, qualifies=True
+        unit="1",
+        lower=0.0,
+        upper=1.0,
+        null=0.0,
+        matters=0.5,
+        doc="share of 4:4:4 instead of 4:2:0; nothing in grey images",
+        prior_sd=0.5,
+        auxiliary=True,
     ),
 }
+STARTS = tuple({"loss": loss} for loss in (5.0, 25.0, 45.0, 60.0, 70.0, 80.0))
 BLOCK = 8
 MIDDLE = 128
 # ITU-T T.871: Y, Cb, Cr of red, green, blue

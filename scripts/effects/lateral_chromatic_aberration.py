@@ -7,10 +7,15 @@ removal of lateral chromatic aberration in images", Pattern Recognition Letters 
 from effects.base import Parameter
 
 STAGE, ORDER = "lens", 30
+AFFECTS = "geometry"
 CHROMATIC = True
 PARAMETERS = {
-    "red_ratio": Parameter("1", 0.95, 1.05, 1.0, (1.0,), 0.0003, "magnification of red over green's"),
-    "blue_ratio": Parameter("1", 0.95, 1.05, 1.0, (1.0,), 0.0003, "magnification of blue over green's"),
+    "red_ratio": Parameter(
+        unit="1", lower=0.95, upper=1.05, null=1.0, matters=0.0003, doc="magnification of red over green's"
+    ),
+    "blue_ratio": Parameter(
+        unit="1", lower=0.95, upper=1.05, null=1.0, matters=0.0003, doc="magnification of blue over green's"
+    ),
 }
 
 

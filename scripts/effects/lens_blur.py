@@ -10,9 +10,15 @@ from effects.base import Parameter
 from effects.filters import gaussian, gaussian_points
 
 STAGE, ORDER = "lens", 110
+AFFECTS = "point_spread"
 PARTS = 36
 FINE_PX = 0.5  # of the spread that is drawn by parts
-PARAMETERS = {"sigma_px": Parameter("px", 0.0, 8.0, 0.0, (0.7, 2.0), 0.15, "standard deviation of the spread")}
+PARAMETERS = {
+    "sigma_px": Parameter(
+        unit="px", lower=0.0, upper=8.0, null=0.0, matters=0.15, doc="standard deviation of the spread"
+    )
+}
+STARTS = ({"sigma_px": 0.7}, {"sigma_px": 2.0})
 
 
 def spread(xy, view, p, n):

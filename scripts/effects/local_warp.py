@@ -12,6 +12,7 @@ import numpy as np
 from effects.base import Parameter
 
 STAGE, ORDER = "processing", 5
+AFFECTS = "geometry"
 DEGREE = 12
 BEYOND = 0.2  # of the frame's sides
 WAVES = [(j, k) for j in range(DEGREE + 1) for k in range(DEGREE + 1 - j)]
@@ -24,7 +25,13 @@ def _prior_px(j, k):
 
 PARAMETERS = {
     f"d{axis}_{j}_{k}": Parameter(
-        "px", -60, 60, 0.0, (0.0,), 0.4, f"move along {axis}: {j} half waves across, {k} down", _prior_px(j, k)
+        unit="px",
+        lower=-60,
+        upper=60,
+        null=0.0,
+        matters=0.4,
+        doc=f"move along {axis}: {j} half waves across, {k} down",
+        prior_sd=_prior_px(j, k),
     )
     for axis in "xy"
     for j, k in WAVES

@@ -10,8 +10,12 @@ import numpy as np
 from effects.base import Parameter
 
 STAGE, ORDER = "scene", 20
-MOVES_POINTS = True
-PARAMETERS = {"scale": Parameter("1", 0.7, 1.35, 1.0, (1.0,), 0.002, "printed side of the code over the nominal one")}
+AFFECTS = "geometry"
+PARAMETERS = {
+    "scale": Parameter(
+        unit="1", lower=0.7, upper=1.35, null=1.0, matters=0.002, doc="printed side of the code over the nominal one"
+    )
+}
 
 
 def _scaled(lines, scale):

@@ -10,11 +10,17 @@ from effects.base import Parameter
 from effects.filters import convolve, spread_points
 
 STAGE, ORDER = "shutter", 20
+AFFECTS = "point_spread"
 PIECES_PER_PX = 16
 PARAMETERS = {
-    "dx_px": Parameter("px", -40, 40, 0.0, (2.0, 0.0, 1.5, 1.5), 0.4, "smear to the right during the exposure"),
-    "dy_px": Parameter("px", -40, 40, 0.0, (0.0, 2.0, 1.5, -1.5), 0.4, "smear downwards during the exposure"),
+    "dx_px": Parameter(
+        unit="px", lower=-40, upper=40, null=0.0, matters=0.4, doc="smear to the right during the exposure"
+    ),
+    "dy_px": Parameter(
+        unit="px", lower=-40, upper=40, null=0.0, matters=0.4, doc="smear downwards during the exposure"
+    ),
 }
+STARTS = ({"dx_px": 2.0}, {"dy_px": 2.0}, {"dx_px": 1.5, "dy_px": 1.5}, {"dx_px": 1.5, "dy_px": -1.5})
 
 
 def smear_kernel(dx, dy):

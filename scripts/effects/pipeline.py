@@ -5,17 +5,14 @@ pattern, noise, mosaic, clipping) -> encoding to 0..255 -> the campaign's declar
 denoising, sharpening, JPEG) -> crop. Why this order: docs/effects.md.
 """
 
-import functools
-import importlib.util
 import itertools
-import pkgutil
 from dataclasses import replace
 
 import numpy as np
 
-import effects
-from effects.base import STAGES, Parameter
+from effects.base import STAGES
 from effects.encoding import encode, mean_of_clipped
+from effects.library import effect_named, nulls_of, spreads_light
 from effects.resampling import fine_map, sample
 from rig.errors import InputError
 
@@ -25,75 +22,14 @@ LONGEST_STEP_PX = 100.0
 PARTS = 144  # of the light that an effect spreads, where it asks for no fewer: square and 4 m^2
 STRIDES = (1, 29, 53, 83, 113, 137)  # orders in which effects visit their parts, so that none follows another's
 SPARE_PX = 4  # what the interpolation needs beyond the last ray
-SHARED_MODULES = ("base", "encoding", "filters", "pipeline", "resampling")
 
 
-# -- finding effects ----------------------------------------------------------------------------------------------
-
-
-@functools.cache
-def available_effects():
-    """Return {name: module} of all effects: the modules beside this one.
-
-    Raises InputError naming the file that does not import or breaks the contract.
-    """
-    names = sorted(m.name for m in pkgutil.iter_modules(effects.__path__))
-    return {n: _load(n) for n in names if n not in SHARED_MODULES and not n.startswith("_")}
-
-
-def _load(name):
-    path = importlib.util.find_spec(f"effects.{name}").origin
-    try:
-        module = importlib.import_module(f"effects.{name}")
-    except Exception as error:
-        raise InputError(f"{path}: does not import: {type(error).__name__}: {error}") from None
-    _check_contract(module, path)
-    return module
-
-
-def _check_contract(module, path):
-    for attribute in ("STAGE", "ORDER", "PARAMETERS"):
-        if not hasattr(module, attribute):
-            raise InputError(f"{path}: breaks the contract: {attribute} is missing (see docs/effects.md)")
-    if module.STAGE not in STAGES:
-        raise InputError(f"{path}: STAGE is {module.STAGE!r}; allowed: {', '.join(STAGES)}")
-    if not (module.__doc__ or "").strip():
-        raise InputError(f"{path}: breaks the contract: a docstring that says what the effect is is missing")
-    wanted = ("change_scene",) if module.STAGE == "scene" else ("map_points", "apply")
-    if not any(callable(getattr(module, f, None)) for f in wanted):
-        raise InputError(f"{path}: a {module.STAGE} effect needs {' or '.join(wanted)}")
-    if not isinstance(module.ORDER, int | float):
-        raise InputError(f"{path}: ORDER is {module.ORDER!r}; a number is needed")
-    if not isinstance(module.PARAMETERS, dict) or not module.PARAMETERS:
-        raise InputError(f"{path}: PARAMETERS must be a dict of at least one effects.base.Parameter")
-    for key, p in module.PARAMETERS.items():
-        if not isinstance(p, Parameter):
-            raise InputError(f"{path}: PARAMETERS[{key!r}] is no effects.base.Parameter")
-        if not p.lower <= p.null <= p.upper or not p.starts or any(not p.lower <= s <= p.upper for s in p.starts):
-            raise InputError(f"{path}: PARAMETERS[{key!r}]: null and starts must lie in [{p.lower}, {p.upper}]")
-
-
-def effect_named(name):
-    """Return the module of an effect; raises InputError for a name that does not exist."""
-    found = available_effects()
-    if name not in found:
-        raise InputError(f"unknown effect {name!r}; there are {', '.join(found)}")
-    return found[name]
-
-
-def nulls_of(name):
-    """Return {parameter: value} at which an effect does nothing."""
-    return {key: p.null for key, p in effect_named(name).PARAMETERS.items()}
+# -- lists of effects ------------------------------------------------------------------------------------------------
 
 
 def key_of(chosen):
     """Return a hashable key of a list of effects, those at their null left out."""
     return tuple((n, tuple(sorted(p.items()))) for n, p in sorted(chosen) if p != nulls_of(n))
-
-
-def moves_points(name):
-    """Return whether an effect moves image points."""
-    return hasattr(effect_named(name), "map_points")
 
 
 def in_order(chosen):
@@ -140,16 +76,6 @@ def map_points(xy, view, chosen, channel=1):
     for module, p in active(chosen, "map_points"):
         xy = module.map_points(xy, view, p, channel)
     return xy
-
-
-def spreads_light(name):
-    """Return whether an effect says where the parts of a point's light land: the synthesis then draws them all."""
-    return hasattr(effect_named(name), "spread")
-
-
-def places_light(name):
-    """Return whether an effect has a say in where a point's light lands."""
-    return moves_points(name) or spreads_light(name)
 
 
 def light_spread(view, chosen):

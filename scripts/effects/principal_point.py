@@ -8,9 +8,10 @@ import numpy as np
 from effects.base import Parameter
 
 STAGE, ORDER = "lens", 60
+AFFECTS = "geometry"
 PARAMETERS = {
-    "dx_px": Parameter("px", -200, 200, 0.0, (0.0,), 0.3, "shift to the right"),
-    "dy_px": Parameter("px", -200, 200, 0.0, (0.0,), 0.3, "shift downwards"),
+    "dx_px": Parameter(unit="px", lower=-200, upper=200, null=0.0, matters=0.3, doc="shift to the right"),
+    "dy_px": Parameter(unit="px", lower=-200, upper=200, null=0.0, matters=0.3, doc="shift downwards"),
 }
 
 

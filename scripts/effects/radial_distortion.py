@@ -10,10 +10,11 @@ import numpy as np
 from effects.base import Parameter, to_pixels, to_rays
 
 STAGE, ORDER = "lens", 10
+AFFECTS = "geometry"
 PARAMETERS = {
-    "k1": Parameter("1", -1.0, 1.0, 0.0, (0.0,), 0.003, "second-order coefficient"),
-    "k2": Parameter("1", -2.0, 2.0, 0.0, (0.0,), 0.003, "fourth-order coefficient"),
-    "k3": Parameter("1", -3.0, 3.0, 0.0, (0.0,), 0.003, "sixth-order coefficient"),
+    "k1": Parameter(unit="1", lower=-1.0, upper=1.0, null=0.0, matters=0.003, doc="second-order coefficient"),
+    "k2": Parameter(unit="1", lower=-2.0, upper=2.0, null=0.0, matters=0.003, doc="fourth-order coefficient"),
+    "k3": Parameter(unit="1", lower=-3.0, upper=3.0, null=0.0, matters=0.003, doc="sixth-order coefficient"),
 }
 
 

@@ -12,12 +12,18 @@ from effects.base import Parameter
 from rig.geometry import make_pose
 
 STAGE, ORDER = "scene", 30
+AFFECTS = "geometry"
 SHORTEST_RAIL_M = 0.01
-MOVES_POINTS = True
 PARAMETERS = {
-    "bow_m": Parameter("m", -0.2, 0.2, 0.0, (0.0,), 0.001, "height of the rail's middle over its ends"),
-    "slope_m": Parameter("m", -0.2, 0.2, 0.0, (0.0,), 0.001, "height of the far end over the near one"),
-    "wave_m": Parameter("m", -0.1, 0.1, 0.0, (0.0,), 0.001, "amplitude of one whole wave along the rail"),
+    "bow_m": Parameter(
+        unit="m", lower=-0.2, upper=0.2, null=0.0, matters=0.001, doc="height of the rail's middle over its ends"
+    ),
+    "slope_m": Parameter(
+        unit="m", lower=-0.2, upper=0.2, null=0.0, matters=0.001, doc="height of the far end over the near one"
+    ),
+    "wave_m": Parameter(
+        unit="m", lower=-0.1, upper=0.1, null=0.0, matters=0.001, doc="amplitude of one whole wave along the rail"
+    ),
 }
 
 

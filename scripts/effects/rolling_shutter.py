@@ -12,13 +12,40 @@ import numpy as np
 from effects.base import Parameter, inverse_depth, to_pixels, to_rays
 
 STAGE, ORDER = "shutter", 10
+AFFECTS = "geometry"
 PARAMETERS = {
     "skew_x": Parameter(
-        "px/row", -0.3, 0.3, 0.0, (0.0,), 0.001, "shift of the whole image to the right from row to row"
+        unit="px/row",
+        lower=-0.3,
+        upper=0.3,
+        null=0.0,
+        matters=0.001,
+        doc="shift of the whole image to the right from row to row",
     ),
-    "skew_y": Parameter("px/row", -0.3, 0.3, 0.0, (0.0,), 0.001, "shift of the whole image downwards from row to row"),
-    "pan_x": Parameter("px/row", -0.3, 0.3, 0.0, (0.0,), 0.001, "shift to the right at the middle, camera panning"),
-    "slide_m": Parameter("m", -0.2, 0.2, 0.0, (0.0,), 0.0005, "way of the scene to the right over the whole read-out"),
+    "skew_y": Parameter(
+        unit="px/row",
+        lower=-0.3,
+        upper=0.3,
+        null=0.0,
+        matters=0.001,
+        doc="shift of the whole image downwards from row to row",
+    ),
+    "pan_x": Parameter(
+        unit="px/row",
+        lower=-0.3,
+        upper=0.3,
+        null=0.0,
+        matters=0.001,
+        doc="shift to the right at the middle, camera panning",
+    ),
+    "slide_m": Parameter(
+        unit="m",
+        lower=-0.2,
+        upper=0.2,
+        null=0.0,
+        matters=0.0005,
+        doc="way of the scene to the right over the whole read-out",
+    ),
 }
 
 

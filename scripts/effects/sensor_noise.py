@@ -12,12 +12,16 @@ from effects.base import Parameter
 from effects.encoding import decode, encode
 
 STAGE, ORDER = "sensor", 20
+AFFECTS = "intensity"
 PARAMETERS = {
-    "gain_dn_per_e": Parameter("dn/e", 0.0, 2.0, 0.0, (0.02, 0.0, 0.1), 0.005, "system gain: shot noise grows with it"),
+    "gain_dn_per_e": Parameter(
+        unit="dn/e", lower=0.0, upper=2.0, null=0.0, matters=0.005, doc="system gain: shot noise grows with it"
+    ),
     "read_noise_dn": Parameter(
-        "dn", 0.0, 30.0, 0.0, (0.0, 1.0, 1.0), 0.2, "read noise of the linear image, grey levels"
+        unit="dn", lower=0.0, upper=30.0, null=0.0, matters=0.2, doc="read noise of the linear image, grey levels"
     ),
 }
+STARTS = ({"gain_dn_per_e": 0.02}, {"read_noise_dn": 1.0}, {"gain_dn_per_e": 0.1, "read_noise_dn": 1.0})
 
 
 NODES = np.linspace(-5, 5, 401)  # standard deviations; even, as clipping is a kink that no polynomial follows

@@ -9,12 +9,20 @@ from effects.base import Parameter
 from effects.filters import gaussian, gaussian_taps
 
 STAGE, ORDER = "processing", 40
+AFFECTS = "intensity"
 PARAMETERS = {
-    "amount": Parameter("1", 0.0, 5.0, 0.0, (0.5, 0.5), 0.05, "strength"),
+    "amount": Parameter(unit="1", lower=0.0, upper=5.0, null=0.0, matters=0.05, doc="strength"),
     "radius_px": Parameter(
-        "px", 0.4, 6.0, 1.0, (1.0, 2.0), 0.3, "standard deviation of the blurred copy", qualifies=True
+        unit="px",
+        lower=0.4,
+        upper=6.0,
+        null=1.0,
+        matters=0.3,
+        doc="standard deviation of the blurred copy",
+        auxiliary=True,
     ),
 }
+STARTS = ({"amount": 0.5}, {"amount": 0.5, "radius_px": 2.0})
 
 
 def apply(image, view, p, rng):

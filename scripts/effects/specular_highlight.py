@@ -8,16 +8,33 @@ Fresnel's rise towards grazing light. Sources: J. F. Blinn, "Models of light ref
 from effects.base import Parameter
 
 STAGE, ORDER = "scene", 70
-# A lobe is seen only near its lamp's mirror image: lamps all over the ground are tried
-LAMPS_M = [(x, y) for y in (1.2, 2.2, 3.2, 4.2) for x in (0.0, 0.5, -0.5)]
+AFFECTS = "intensity"
 PARAMETERS = {
-    "strength": Parameter("1", 0.0, 3.0, 0.0, (0.15,), 0.01, "radiance at the highlight's centre"),
-    "x_m": Parameter("m", -3.0, 3.0, 0.0, tuple(x for x, _ in LAMPS_M), 0.05, "lamp, to the right", qualifies=True),
-    "y_m": Parameter("m", -3.0, 6.0, 1.0, tuple(y for _, y in LAMPS_M), 0.05, "lamp, forward", qualifies=True),
-    "height_m": Parameter("m", 0.3, 6.0, 1.5, (1.5,), 0.05, "lamp, above the ground", qualifies=True),
-    "roughness": Parameter("1", 0.05, 0.7, 0.2, (0.25,), 0.02, "width of the highlight", qualifies=True),
-    "fresnel": Parameter("1", 0.0, 1.0, 0.0, (0.0,), 0.1, "share of Fresnel's rise at grazing angles", qualifies=True),
+    "strength": Parameter(
+        unit="1", lower=0.0, upper=3.0, null=0.0, matters=0.01, doc="radiance at the highlight's centre"
+    ),
+    "x_m": Parameter(unit="m", lower=-3.0, upper=3.0, null=0.0, matters=0.05, doc="lamp, to the right", auxiliary=True),
+    "y_m": Parameter(unit="m", lower=-3.0, upper=6.0, null=1.0, matters=0.05, doc="lamp, forward", auxiliary=True),
+    "height_m": Parameter(
+        unit="m", lower=0.3, upper=6.0, null=1.5, matters=0.05, doc="lamp, above the ground", auxiliary=True
+    ),
+    "roughness": Parameter(
+        unit="1", lower=0.05, upper=0.7, null=0.2, matters=0.02, doc="width of the highlight", auxiliary=True
+    ),
+    "fresnel": Parameter(
+        unit="1",
+        lower=0.0,
+        upper=1.0,
+        null=0.0,
+        matters=0.1,
+        doc="share of Fresnel's rise at grazing angles",
+        auxiliary=True,
+    ),
 }
+# A lobe is seen only near its lamp's mirror image: lamps all over the ground are tried
+STARTS = tuple(
+    {"strength": 0.15, "roughness": 0.25, "x_m": x, "y_m": y} for y in (1.2, 2.2, 3.2, 4.2) for x in (0.0, 0.5, -0.5)
+)
 
 
 def change_scene(scene, p):

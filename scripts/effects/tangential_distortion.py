@@ -9,9 +9,10 @@ import numpy as np
 from effects.base import Parameter, to_pixels, to_rays
 
 STAGE, ORDER = "lens", 20
+AFFECTS = "geometry"
 PARAMETERS = {
-    "p1": Parameter("1", -0.2, 0.2, 0.0, (0.0,), 0.0005, "vertical decentring"),
-    "p2": Parameter("1", -0.2, 0.2, 0.0, (0.0,), 0.0005, "horizontal decentring"),
+    "p1": Parameter(unit="1", lower=-0.2, upper=0.2, null=0.0, matters=0.0005, doc="vertical decentring"),
+    "p2": Parameter(unit="1", lower=-0.2, upper=0.2, null=0.0, matters=0.0005, doc="horizontal decentring"),
 }
 
 

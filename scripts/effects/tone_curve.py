@@ -14,9 +14,12 @@ from scipy.interpolate import CubicSpline
 from effects.base import Parameter
 
 STAGE, ORDER = "processing", 20
+AFFECTS = "intensity"
 PERCENT = range(20, 100, 10)
 PARAMETERS = {
-    f"lift_at_{k}_pct_dn": Parameter("dn", -100.0, 100.0, 0.0, (0.0,), 2.0, f"lift at {k} % of full scale", 40.0)
+    f"lift_at_{k}_pct_dn": Parameter(
+        unit="dn", lower=-100.0, upper=100.0, null=0.0, matters=2.0, doc=f"lift at {k} % of full scale", prior_sd=40.0
+    )
     for k in PERCENT
 }
 STEPS = 4096

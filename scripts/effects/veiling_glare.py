@@ -8,7 +8,12 @@ import numpy as np
 from effects.base import Parameter
 
 STAGE, ORDER = "lens", 150
-PARAMETERS = {"share": Parameter("1", 0.0, 0.8, 0.0, (0.0,), 0.004, "share of the light that is scattered")}
+AFFECTS = "intensity"
+PARAMETERS = {
+    "share": Parameter(
+        unit="1", lower=0.0, upper=0.8, null=0.0, matters=0.004, doc="share of the light that is scattered"
+    )
+}
 
 
 def apply(image, view, p, rng):

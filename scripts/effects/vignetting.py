@@ -10,10 +10,23 @@ from effects.base import Parameter
 from effects.filters import pixel_grid, squared_radius
 
 STAGE, ORDER = "lens", 140
+AFFECTS = "intensity"
 PARAMETERS = {
-    "a2": Parameter("1", -0.5, 1.0, 0.0, (0.0,), 0.01, "loss of light, quadratic part, at the corner"),
-    "a4": Parameter("1", -1.5, 1.0, 0.0, (0.0,), 0.03, "loss of light, fourth-order part, at the corner"),
-    "a6": Parameter("1", -1.0, 1.0, 0.0, (0.0,), 0.05, "loss of light, sixth-order part, at the corner", 0.3),
+    "a2": Parameter(
+        unit="1", lower=-0.5, upper=1.0, null=0.0, matters=0.01, doc="loss of light, quadratic part, at the corner"
+    ),
+    "a4": Parameter(
+        unit="1", lower=-1.5, upper=1.0, null=0.0, matters=0.03, doc="loss of light, fourth-order part, at the corner"
+    ),
+    "a6": Parameter(
+        unit="1",
+        lower=-1.0,
+        upper=1.0,
+        null=0.0,
+        matters=0.05,
+        doc="loss of light, sixth-order part, at the corner",
+        prior_sd=0.3,
+    ),
 }
 
 

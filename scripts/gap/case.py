@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from effects import pipeline
+from effects import library, pipeline
 from gap.finder import Finder
 from gap.observe import (
     COARSE_TO_FINE,
@@ -79,7 +79,7 @@ class Case:
 
     def scene_of(self, effects):
         """Return (scene, prints, world corners of the codes (p, 4, 3)) of the twin with these effects."""
-        key = pipeline.key_of([(n, p) for n, p in effects if pipeline.effect_named(n).STAGE == "scene"])
+        key = pipeline.key_of([(n, p) for n, p in effects if library.effect_named(n).STAGE == "scene"])
         if key not in self._scenes:
             if len(self._scenes) > SCENES_KEPT:
                 self._scenes.clear()
@@ -137,7 +137,7 @@ class Case:
                     return pipeline.map_points(xy, view, effects, channel)
 
             if is_lit(scene):
-                maps = pipeline.key_of([(n, p) for n, p in effects if pipeline.places_light(n)])
+                maps = pipeline.key_of([(n, p) for n, p in effects if library.places_light(n)])
                 key = view.T_cam_world.tobytes(), prints, maps
                 geometry = self._geometry_of(key, view, mapping, channel, spread)
             else:
@@ -220,7 +220,7 @@ def _moved(scene, view, delta):
 
 def has_geometry(effects):
     """Return whether any of the effects moves image points."""
-    return any(pipeline.moves_points(name) for name, _ in effects)
+    return any(library.moves_points(name) for name, _ in effects)
 
 
 def printed_plates(scene):

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gap.diagnose import LEAST_GAIN, LEAST_PROMISE, MANY_PARAMETERS, gains_by_station, is_there, null_of, rank
-from gap.fit import GROUPS, is_geometric
+from effects import library
+from gap.diagnose import LEAST_GAIN, LEAST_PROMISE, MANY_PARAMETERS, gains_by_station, is_there, rank
+from gap.fit import GROUPS
 from gap.floors import excess_of, losses_of
 
 LEAST_SHARE = 0.15  # of what is left above the floor, that a candidate must gain: less is a patch on a wrong form
@@ -143,7 +144,9 @@ def _with_flexible(diagnosis, first, start, best, excess, most_steps, progress):
     tried = [diagnosis.try_effect(e) for e in flexible if diagnosis.promise(e) >= LEAST_PROMISE]
     further = climbed(diagnosis, tried + best.left, excess, most_steps, progress, taken=best.steps)
     found = min((best, further), key=lambda o: o.share_left)
-    rigid = [step.effect for step in further.steps if step.effect not in flexible and moves_points(step.effect)]
+    rigid = [
+        step.effect for step in further.steps if step.effect not in flexible and library.is_pure_geometry(step.effect)
+    ]
     if rigid and any(step.effect in flexible for step in further.steps):
         without = _retraced(diagnosis, start, further, rigid, excess)
         if without.verdict == "explained":
@@ -195,11 +198,6 @@ def closes_a_group(candidate, excess):
     """Return whether most of what is left in one group of observables is gained."""
     least = LEAST_GAIN + 2 * len(candidate.parameters)
     return any(gain > max(least, MOST_OF_A_GROUP * excess[name]) for name, gain in candidate.group_gains.items())
-
-
-def moves_points(effect):
-    """Return whether an effect moves points and does nothing else."""
-    return all(is_geometric((effect, key)) for key in null_of(effect))
 
 
 def better(outcome, other):

@@ -5,11 +5,10 @@ Losses are sums of the robust loss over whitened residuals (gap.fit); gaps are i
 
 import math
 from dataclasses import dataclass, field
-from itertools import zip_longest
 
 import numpy as np
 
-from effects import pipeline
+from effects import library
 from gap.fit import (
     NU,
     Fitter,
@@ -95,34 +94,10 @@ class Candidate:
         return cls(**values, state=state)
 
 
-def null_of(effect):
-    """Return the parameters at which an effect does nothing."""
-    return {k: p.null for k, p in pipeline.available_effects()[effect].PARAMETERS.items()}
-
-
-def starts_of(effect):
-    """Return the starting points of an effect's fit: its parameters' starts side by side."""
-    parameters = pipeline.available_effects()[effect].PARAMETERS
-    columns = [p.starts for p in parameters.values()]
-    rows = zip_longest(*columns)
-    return [
-        {
-            k: (columns[i][0] if value is None else value)
-            for i, (k, value) in enumerate(zip(parameters, row, strict=True))
-        }
-        for row in rows
-    ]
-
-
-def leaping(effect):
-    """Return the parameter with which an effect's image changes by leaps, None where there is none."""
-    return getattr(pipeline.effect_named(effect), "LEAPS", None)
-
-
 def start_step(parameter, value):
     """Return the step from the null to the farthest start: an even parameter has no slope at its null."""
-    s = spec(parameter)
-    steps = [start - value for start in s.starts if start != value]
+    effect, key = parameter
+    steps = [start[key] - value for start in library.starts_of(effect) if start[key] != value]
     return max(steps, key=abs) if steps else image_step(parameter, value)
 
 
@@ -134,7 +109,7 @@ class Diagnosis:
         train, test = split or split_by_station(case)
         self.train, self.test = thinned(usable(train, case)), thinned(usable(test, case))
         self.fitter = Fitter(case, probes(self.train) + probes(self.test))
-        self.candidates = list(candidates or pipeline.available_effects())
+        self.candidates = list(candidates or library.available_effects())
         self.effects = []
         self.fixed = set()  # effects whose parameters the user fixed: never refitted, never dropped
         self.poses = np.zeros((len(case.captures), 6))
@@ -202,8 +177,8 @@ class Diagnosis:
         Cheap (a prediction for each parameter and start); what promises next to nothing is not fitted. ``beside`` are the
         derivatives {i: (n, k)} by the base's free parameters, which then go along: they may have made up for the effect.
         """
-        free = [(effect, k) for k in null_of(effect)]
-        effects = self.effects + [(effect, null_of(effect))]
+        free = [(effect, k) for k in library.nulls_of(effect)]
+        effects = self.effects + [(effect, library.nulls_of(effect))]
         indices, groups, nu = self._probed(effects)
         derivatives = self.fitter.derivatives(effects, free, self.poses, groups, indices, start_step)
         if beside is None:
@@ -213,7 +188,7 @@ class Diagnosis:
             together = {i: (np.hstack([Jt, beside[i]]), Jp) for i, (Jt, Jp) in derivatives.items()}
             gain = self._first_order_gain(effects, free + self.free(), together, groups, nu)
             gain -= self._first_order_gain(effects, self.free(), alone, groups, nu)
-        starts = starts_of(effect)
+        starts = library.starts_of(effect)
         towards, _ = self.start_promises(effect, starts) if len(starts) > 1 else ([], [])
         return max([gain * len(self.train) / max(len(indices), 1), *towards])
 
@@ -237,7 +212,7 @@ class Diagnosis:
 
         The first sees a highlight from afar, the second what a start comes near to though the way there is crooked.
         """
-        nulls = self.effects + [(effect, null_of(effect))]
+        nulls = self.effects + [(effect, library.nulls_of(effect))]
         indices, groups, nu = self._probed(nulls)
         by_pose = {i: self.fitter.pose_columns(i, nulls, self.poses[i], groups[i]) for i in indices}
         gains, losses = [], []
@@ -256,7 +231,7 @@ class Diagnosis:
 
         ``others`` are the effects beside it.
         """
-        name, i = leaping(effect), self.train[0]
+        (name,), i = library.discrete_parameters(effect), self.train[0]
         bounds = spec((effect, name))
         whole = range(math.ceil(bounds.lower), math.floor(bounds.upper) + 1)
 
@@ -268,9 +243,9 @@ class Diagnosis:
 
     def likely_starts(self, effect):
         """Return those of an effect's starts that are worth a short fit."""
-        if leaping(effect):
-            return [self.best_leap(effect, null_of(effect), self.effects)]
-        starts = starts_of(effect)
+        if library.discrete_parameters(effect):
+            return [self.best_leap(effect, library.nulls_of(effect), self.effects)]
+        starts = library.starts_of(effect)
         if len(starts) <= MOST_STARTS:
             return starts
         gains, losses = self.start_promises(effect, starts)
@@ -298,7 +273,7 @@ class Diagnosis:
 
     def null_candidate(self, effect):
         """Return the Candidate of an effect that promises nothing: at its null, with the base's gap."""
-        parameters = null_of(effect)
+        parameters = library.nulls_of(effect)
         return Candidate(
             effect, parameters, dict.fromkeys(parameters, float("nan")), self.base_losses, self.base_gap,
             self.base_gap_se, group_gaps(self.base_groups, self.floors), self.floors, True,
@@ -322,7 +297,7 @@ class Diagnosis:
 
     def try_effect(self, effect, beside=()):
         """Return the Candidate of one effect added to the base and fitted, parameters ``beside`` it refitted."""
-        free = [(effect, k) for k in null_of(effect)]
+        free = [(effect, k) for k in library.nulls_of(effect)]
         starts = self.likely_starts(effect)
         probe = probes(self.train)
         if len(starts) > 1:
@@ -394,9 +369,10 @@ class Diagnosis:
         """Return the base's effects, those that leap at their best whole values beside the others, but for the new one."""
         effects = []
         for name, p in self.effects:
-            if leaping(name) and name != new and name not in self.fixed:
+            discrete = library.discrete_parameters(name)
+            if discrete and name != new and name not in self.fixed:
                 best = self.best_leap(name, p, [e for e in self.effects if e[0] != name])
-                if abs(best[leaping(name)] - p[leaping(name)]) >= 1:
+                if any(abs(best[k] - p[k]) >= 1 for k in discrete):
                     p = best
             effects.append((name, p))
         return effects
@@ -429,7 +405,7 @@ def is_there(effect, values, errors):
     One that only says how another acts tells nothing. Of many waves, which stand in for one another, none need be certain
     by itself: together they must be worth naming, and what they gain on captures that no fit saw says how certain they are.
     """
-    acting = {k: p for k, p in effect_parameters(effect).items() if not p.qualifies}
+    acting = {k: p for k, p in library.parameters_of(effect).items() if not p.auxiliary}
     if len(acting) > MANY_PARAMETERS:
         return math.hypot(*((values[k] - p.null) / p.matters for k, p in acting.items())) > 1
     return any(abs(values[k] - p.null) > max(p.matters, 3 * errors[k]) for k, p in acting.items())
@@ -438,8 +414,3 @@ def is_there(effect, values, errors):
 def rank(candidates):
     """Return candidates, best held-out loss first, each parameter charged."""
     return sorted(candidates, key=lambda c: (-(c.gain - 2 * len(c.parameters)), c.effect))
-
-
-def effect_parameters(effect):
-    """Return the effects.base.Parameter of each parameter of an effect."""
-    return {k: spec((effect, k)) for k in null_of(effect)}

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from effects import pipeline
+from effects import library, pipeline
 from gap.flats import field_levels
 from gap.observe import (
     FINE,
@@ -659,7 +659,7 @@ def total(groups, nu):
 
 def spec(parameter):
     """Return the effects.base.Parameter of (effect, parameter)."""
-    return pipeline.available_effects()[parameter[0]].PARAMETERS[parameter[1]]
+    return library.parameters_of(parameter[0])[parameter[1]]
 
 
 def get_parameter(effects, parameter):
@@ -683,8 +683,8 @@ def bounds_of(free):
 def priors_of(free):
     """Return (null, precision) arrays of the parameters' priors; precision 0 where there is none."""
     null = np.array([spec(f).null for f in free], float)
-    spread = np.array([spec(f).spread or np.inf for f in free], float)
-    return null, 1 / spread**2
+    sd = np.array([spec(f).prior_sd or np.inf for f in free], float)
+    return null, 1 / sd**2
 
 
 def prior_equations(effects, free):
@@ -713,16 +713,9 @@ def image_step(parameter, value):
 
 def is_geometric(parameter):
     """Return whether the effect of (effect, parameter) only moves points."""
-    module = pipeline.available_effects()[parameter[0]]
-    moves_points = hasattr(module, "map_points") or getattr(module, "MOVES_POINTS", False)
-    return moves_points and not hasattr(module, "apply") and parameter[0] != "lateral_chromatic_aberration"
-
-
-def is_drawn(name):
-    """Return whether an effect takes part in drawing the radiance: the scene, where points land, how they spread."""
-    return pipeline.places_light(name) or pipeline.effect_named(name).STAGE == "scene"
+    return library.is_pure_geometry(parameter[0])
 
 
 def geometric_key(effects):
     """Return a key of everything that decides the radiance before photometry."""
-    return pipeline.key_of([(n, p) for n, p in effects if is_drawn(n)])
+    return pipeline.key_of([(n, p) for n, p in effects if library.is_drawn(n)])

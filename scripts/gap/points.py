@@ -8,14 +8,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from effects import pipeline
+from effects import library, pipeline
+from effects.base import View
 from gap.fit import NU, RHO_NOISE, bounds_of, get_parameter, priors_of, rho, small_step, with_parameters
-from rig.geometry import camera_matrix, perturb_pose, project
+from rig.geometry import camera_matrix, make_pose, perturb_pose, project
 
-# An ideal camera without nominal intrinsics absorbs these; a moving camera cannot be told from board photographs
-LENS_STAGES = ("lens", "shutter", "processing")
-ABSORBED = ("focal_length",)
 FOCAL_STEP = 1e-5
+# Where a free focal length is told apart from an effect: any view with the ground in sight
+SOME_VIEW = View(
+    K=camera_matrix(600.0, 600.0, 320.0, 240.0), width=640, height=480, margin=0,
+    T_cam_world=make_pose([0.0, 0.0, 0.0], [0.0, 0.0, 1.0]), camera="", capture="", station="",
+)  # fmt: skip
+SCALED_PX = 1e-6  # off a scaling about the principal point, up to which a map is one
 
 
 @dataclass
@@ -166,10 +170,21 @@ def rms_px(parts, sigma):
 
 
 def point_effects():
-    """Return the names of the effects that board photographs can show."""
+    """Return the names of the effects that board photographs can show: maps of points that are no other focal length."""
     return [
         name
-        for name, module in pipeline.available_effects().items()
-        if hasattr(module, "map_points") and module.STAGE in LENS_STAGES and name not in ABSORBED
-        and name != "lateral_chromatic_aberration"
-    ]  # fmt: skip
+        for name in library.available_effects()
+        if library.is_pure_geometry(name) and library.moves_points(name) and not scales_alone(name)
+    ]
+
+
+def scales_alone(name):
+    """Return whether all that an effect does is to scale the image about the principal point."""
+    xy = np.stack(np.meshgrid([20.0, 150.0, 500.0], [30.0, 300.0, 460.0]), axis=-1).reshape(-1, 2)
+    away = xy - SOME_VIEW.K[:2, 2]
+    for key, p in library.parameters_of(name).items():
+        moved = pipeline.map_points(xy, SOME_VIEW, [(name, {key: p.null + p.matters})]) - xy
+        scale = (moved * away).sum() / (away * away).sum()
+        if np.abs(moved - scale * away).max() > SCALED_PX:
+            return False
+    return True

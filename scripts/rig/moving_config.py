@@ -166,12 +166,10 @@ def load_moving(path):
 
 
 def _check_parameters(name, parameters, where):
-    """Refuse parameters that a detector, or BART's tracker, does not know."""
-    if name == "bart":
-        from detectors.bart.tracker import TRACKER_PARAMETERS  # it compiles: only where it is wanted
-
-        parameters = {k: v for k, v in parameters.items() if k not in TRACKER_PARAMETERS}
-    contract.check_parameters(name, parameters, where)
+    """Refuse parameters that neither a detector nor its tracker knows."""
+    tracker = contract.tracker_of(name)
+    of_tracker = tracker.TRACKER_PARAMETERS if tracker is not None else {}
+    contract.check_parameters(name, {k: v for k, v in parameters.items() if k not in of_tracker}, where)
 
 
 def rig_path(path, file):

@@ -5,7 +5,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from effects import pipeline
+from effects import library, pipeline
 from rig.errors import InputError
 from rig.safe_yaml import load_yaml
 
@@ -39,7 +39,7 @@ def load_twin(path):
     effects, starts, free = [], [], []
     for where, entry in entries:
         name, parameters, fitted = _effect(where, entry)
-        known = pipeline.effect_named(name).PARAMETERS
+        known = library.parameters_of(name)
         effects.append((name, parameters | {key: known[key].null for key in fitted}))
         starts.append((name, parameters))
         free += [(name, key) for key in fitted]
@@ -76,12 +76,12 @@ def _effect(where, entry):
         if key not in KNOWN_ENTRY:
             raise InputError(f"{where}: unknown key {key!r}; known: {', '.join(KNOWN_ENTRY)}")
     name, given = entry.get("effect"), entry.get("parameters") or {}
-    found = pipeline.available_effects()
+    found = library.available_effects()
     if name not in found:
         raise InputError(f"{where}: unknown effect {name!r}; there are {', '.join(found)}")
     if not isinstance(given, dict):
         raise InputError(f"{where}: parameters: names and values are needed")
-    known = found[name].PARAMETERS
+    known, (start, *_) = library.parameters_of(name), library.starts_of(name)
     for key in given:
         if key not in known:
             raise InputError(
@@ -94,7 +94,7 @@ def _effect(where, entry):
             value = float(value)
         if value == FIT:
             fitted.append(key)
-            value = p.starts[0]
+            value = start[key]
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise InputError(f"{where}: {name}.{key} is {value!r}; a number in {p.unit} or `{FIT}` is needed")
         if not p.lower <= value <= p.upper:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from effects import pipeline
+from effects import library
 from effects.base import Scene, View
 from rig.geometry import camera_matrix, station_pose
 from rig.plates import marker_plate
@@ -38,7 +38,7 @@ def scene():
 
 def parameters(name, **values):
     """Return an effect's null parameters with some changed."""
-    return pipeline.nulls_of(name) | values
+    return library.nulls_of(name) | values
 
 
 def noise_image(channels, v, seed=0, high=255.0):

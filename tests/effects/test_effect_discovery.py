@@ -1,11 +1,13 @@
 """An effect is added by adding one file; a file that breaks the contract is named in one message."""
 
+import sys
+
 import numpy as np
 import pytest
 from effect_views import view
 
 import effects
-from effects import pipeline
+from effects import library, pipeline
 from rig.errors import InputError
 from rig.twins import load_twin
 
@@ -14,7 +16,9 @@ THIRTIETH = '''"""Haze: a constant light is added. Source: test."""
 from effects.base import Parameter
 
 STAGE, ORDER = "lens", 160
-PARAMETERS = {"light": Parameter("1", 0.0, 1.0, 0.0, (0.1,), 0.01, "added radiance")}
+AFFECTS = "intensity"
+PARAMETERS = {"light": Parameter(unit="1", lower=0.0, upper=1.0, null=0.0, matters=0.01, doc="added radiance")}
+STARTS = ({"light": 0.1},)
 
 
 def apply(image, view, p, rng):
@@ -29,15 +33,17 @@ def folder(tmp_path, monkeypatch):
     place = tmp_path / "more_effects"
     place.mkdir()
     monkeypatch.setattr(effects, "__path__", [*effects.__path__, str(place)])
-    pipeline.available_effects.cache_clear()
+    library.available_effects.cache_clear()
     yield place
-    pipeline.available_effects.cache_clear()
+    library.available_effects.cache_clear()
+    for file in place.glob("*.py"):
+        sys.modules.pop(f"effects.{file.stem}", None)
 
 
 def test_a_thirtieth_effect_takes_part(folder, tmp_path):
     """Found, applied in its place, known to twins: nothing else is edited."""
     (folder / "haze_for_test.py").write_text(THIRTIETH)
-    assert "haze_for_test" in pipeline.available_effects()
+    assert "haze_for_test" in library.available_effects()
     v = view(encoding="linear")
     radiance = np.full((v.height + 2 * v.margin, v.width + 2 * v.margin), 0.2)
     image = pipeline.form_image(radiance, v, [("haze_for_test", {"light": 0.3})], None)
@@ -53,11 +59,27 @@ def test_a_thirtieth_effect_takes_part(folder, tmp_path):
         ("bad_import", ("from effects.base", "from effects.nowhere"), "does not import: ModuleNotFoundError"),
         ("bad_syntax", ("def apply(", "def apply["), "does not import: SyntaxError"),
         ("bad_stage", ('"lens"', '"mirror"'), "STAGE is 'mirror'; allowed: scene, lens"),
-        ("bad_function", ("def apply", "def aply"), "needs map_points or apply"),
-        ("bad_parameter", ('Parameter("1", 0.0, 1.0, 0.0, (0.1,), 0.01, "added radiance")', "0.3"), "no effects.base"),
-        ("bad_start", ("(0.1,)", "(7.0,)"), "null and starts must lie in"),
-        ("bad_null", ("0.0, 1.0, 0.0", "0.5, 1.0, 0.0"), "null and starts must lie in"),
+        ("no_function", ("def apply", "def add_light"), "needs map_points or apply"),
+        ("bad_parameter", ("Parameter(unit=", "dict(unit="), "no effects.base"),
+        ("bad_start", ('"light": 0.1', '"light": 7.0'), "STARTS: light is 7.0; it must lie in"),
+        ("bad_name_in_start", ('"light": 0.1', '"glow": 0.1'), "STARTS: no parameter 'glow'; there are light"),
+        ("bad_starts", ('({"light": 0.1},)', '{"light": 0.1}'), "a tuple of at least one dict"),
+        ("bad_null", ("lower=0.0", "lower=0.5"), "null is 0.0; it must lie in"),
         ("bad_order", ("160", "'last'"), "ORDER is 'last'"),
+        ("bad_affects", ('"intensity"', '"light"'), "AFFECTS is 'light'; allowed: geometry, point_spread, intensity"),
+        ("false_affects", ('"intensity"', '"geometry"'), "AFFECTS is 'geometry', but it has apply"),
+        ("misspelt_apply", ("def apply", "def aply"), "aply: the contract has no such name; apply is meant"),
+        ("misspelt_map", ("def apply", "def map_point(xy): ...\n\n\ndef apply"), "map_point: .* map_points is meant"),
+        ("misspelt_gain", ("def apply", "def noise_gian(p): ...\n\n\ndef apply"), "noise_gian: .* noise_gain is meant"),
+        ("misspelt_starts", ("STARTS", "STRATS"), "STRATS: .* STARTS is meant"),
+        ("misspelt_affects", ("AFFECTS", "AFECTS"), "AFECTS: .* AFFECTS is meant"),
+        (
+            "few_parameters",
+            ("(image, view, p, rng)", "(image, p)"),
+            r"apply\(image, p\): the contract has apply\(image,",
+        ),
+        ("swapped", ("(image, view, p, rng)", "(view, image, p, rng)"), r"apply\(view, image, p, rng\): the contract"),
+        ("no_hook", ("def apply", "spread = 1.0\n\n\ndef apply"), "spread is 1.0; a function is needed"),
         ("bad_words", ('"""Haze: a constant light is added. Source: test."""', ""), "docstring"),
     ],
 )
@@ -66,8 +88,23 @@ def test_a_bad_file_is_named(folder, name, change, message):
     assert change[0] in THIRTIETH
     (folder / f"{name}.py").write_text(THIRTIETH.replace(*change))
     with pytest.raises(InputError, match=message) as caught:
-        pipeline.available_effects()
+        library.available_effects()
     assert f"{name}.py" in str(caught.value)
+
+
+def test_helpers_with_names_of_their_own_are_allowed(folder):
+    """Fails if any function, or any constant beside the contract's, were taken for a misspelt hook."""
+    helper = "HAZE_M = 3.0\n\n\ndef spread_px(x):\n    return x\n\n\ndef apply"
+    (folder / "haze_for_test.py").write_text(THIRTIETH.replace("def apply", helper))
+    assert "haze_for_test" in library.available_effects()
+
+
+def test_a_start_names_what_is_not_at_its_null(folder):
+    """Fails if a start lacked parameters, or an effect without starts began elsewhere than at its null."""
+    second = 'STARTS = ({"light": 0.1}, {})'
+    (folder / "haze_for_test.py").write_text(THIRTIETH.replace('STARTS = ({"light": 0.1},)', second))
+    assert library.starts_of("haze_for_test") == [{"light": 0.1}, {"light": 0.0}]
+    assert library.starts_of("exposure") == [{"scale": 1.0}]
 
 
 def twin_of(tmp_path, text):

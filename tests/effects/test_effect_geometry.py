@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from effect_views import MARGIN, STRONG, scene, view
 
-from effects import pipeline
+from effects import library, pipeline
 from rig.errors import InputError
 
 SIDE_PX = 16
@@ -72,7 +72,7 @@ def corners_of_image(image, points):
     return corners_of_points(sides)
 
 
-@pytest.mark.parametrize("name", [n for n, m in pipeline.available_effects().items() if hasattr(m, "map_points")])
+@pytest.mark.parametrize("name", [n for n, m in library.available_effects().items() if hasattr(m, "map_points")])
 def test_corners_go_where_the_points_go(name):
     """A fit by points would else end at other parameters than the twin's images show."""
     v, chosen = view(), [(name, STRONG[name])]
@@ -106,7 +106,7 @@ def test_all_geometry_at_once_is_one_map():
     xy = np.random.default_rng(3).uniform(0, 130, (50, 2))
     by_hand = xy
     for name in ("radial_distortion", "focal_length", "principal_point", "rolling_shutter"):
-        by_hand = pipeline.available_effects()[name].map_points(by_hand, v, STRONG[name], 1)
+        by_hand = library.available_effects()[name].map_points(by_hand, v, STRONG[name], 1)
     np.testing.assert_array_equal(pipeline.map_points(xy, v, chosen), by_hand)
     np.testing.assert_array_equal(pipeline.map_points(xy, v, chosen[::-1]), by_hand)
 
@@ -166,8 +166,8 @@ def test_a_panning_rolling_shutter_shows_each_row_as_a_turned_camera_does():
     """A uniform shear in its place leaves the image's sides a third of the shift wrong: it is called a warp."""
     v, pan = view(), 0.02
     points = np.array([[5.0, 8.0], [40.0, 200.0], [600.0, 30.0], [300.0, 150.0]])
-    moved = pipeline.effect_named("rolling_shutter").map_points(
-        points, v, pipeline.nulls_of("rolling_shutter") | {"pan_x": pan}, 1
+    moved = library.effect_named("rolling_shutter").map_points(
+        points, v, library.nulls_of("rolling_shutter") | {"pan_x": pan}, 1
     )
     rays = np.column_stack([points, np.ones(len(points))]) @ np.linalg.inv(v.K).T
     for ray, (_, y), found in zip(rays, points, moved, strict=True):

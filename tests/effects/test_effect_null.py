@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from effect_views import noise_image, scene, view
 
-from effects import pipeline
+from effects import library, pipeline
 
-EFFECTS = pipeline.available_effects()
+EFFECTS = library.available_effects()
 
 
 def having(function):
@@ -29,7 +29,7 @@ def test_all_of_the_vocabulary_is_there():
 def test_scene_stays(name):
     """Blender would render again for nothing."""
     before = scene()
-    after = EFFECTS[name].change_scene(before, pipeline.nulls_of(name))
+    after = EFFECTS[name].change_scene(before, library.nulls_of(name))
     assert after.with_(plates=(), T_cam_mount=None) == before.with_(plates=(), T_cam_mount=None)
     np.testing.assert_array_equal(after.T_cam_mount, before.T_cam_mount)
     for a, b in zip(after.plates, before.plates, strict=True):
@@ -42,7 +42,7 @@ def test_scene_stays(name):
 def test_points_stay(name, channel):
     """Points that move by rounding alone still cost nothing of 1e-9 px: the pipeline skips null effects altogether."""
     xy = np.random.default_rng(1).uniform(-50, 250, (100, 2))
-    moved = EFFECTS[name].map_points(xy, view(), pipeline.nulls_of(name), channel)
+    moved = EFFECTS[name].map_points(xy, view(), library.nulls_of(name), channel)
     np.testing.assert_allclose(moved, xy, atol=1e-10)
     np.testing.assert_array_equal(pipeline.map_points(xy, view(), [(name, {})], channel), xy)
 
@@ -57,7 +57,7 @@ def test_pixels_stay(name, channels, seeded):
     v = view()
     image = noise_image(channels, v, high=255.0 if EFFECTS[name].STAGE == "processing" else 1.0)
     rng = np.random.default_rng(5) if seeded else None
-    out = EFFECTS[name].apply(image.copy(), v, pipeline.nulls_of(name), rng)
+    out = EFFECTS[name].apply(image.copy(), v, library.nulls_of(name), rng)
     np.testing.assert_array_equal(out, image)
 
 
@@ -67,18 +67,16 @@ def test_formed_image_is_the_base(name):
     v = view(noise_dn=1.5)
     radiance = noise_image(1, v, high=1.0)[..., 0]
     base = pipeline.form_image(radiance, v, [], np.random.default_rng(3))
-    same = pipeline.form_image(radiance, v, [(name, pipeline.nulls_of(name))], np.random.default_rng(3))
+    same = pipeline.form_image(radiance, v, [(name, library.nulls_of(name))], np.random.default_rng(3))
     np.testing.assert_array_equal(same, base)
 
 
 @pytest.mark.parametrize("name", having("apply"))
-def test_a_qualifying_parameter_does_nothing_by_itself(name):
+def test_an_auxiliary_parameter_does_nothing_by_itself(name):
     """An effect whose strength is nil would be named for a depth in focus, or a radius, that means nothing."""
-    parameters, v = EFFECTS[name].PARAMETERS, view()
-    only = {
-        key: p.starts[0] + 0.3 * (p.upper - p.starts[0]) if p.qualifies else p.null for key, p in parameters.items()
-    }
-    assert set(only) != {key for key, p in parameters.items() if p.qualifies}  # something must be able to be named
+    parameters, start, v = EFFECTS[name].PARAMETERS, library.starts_of(name)[0], view()
+    only = {key: start[key] + 0.3 * (p.upper - start[key]) if p.auxiliary else p.null for key, p in parameters.items()}
+    assert set(only) != {key for key, p in parameters.items() if p.auxiliary}  # something must be able to be named
     channels = 3 if getattr(EFFECTS[name], "MAKES_COLOUR", False) else 1
     image = noise_image(channels, v, high=255.0 if EFFECTS[name].STAGE == "processing" else 1.0)
     out = EFFECTS[name].apply(image.copy(), v, only, np.random.default_rng(5))

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from effect_views import MARGIN, noise_image, parameters, view
 
-from effects import encoding, filters, jpeg_compression, pipeline
+from effects import encoding, filters, jpeg_compression, library, pipeline
 from effects.motion_blur import smear_kernel
 
-FOUND = pipeline.available_effects()
+FOUND = library.available_effects()
 FRAME = np.s_[MARGIN:-MARGIN, MARGIN:-MARGIN]
 LOW_QUALITY = ("jpeg_compression", {"loss": 73.0})
 
@@ -239,7 +239,7 @@ def test_colour_only_where_there_is_colour():
 def test_images_stay_single_precision(name):
     """The next effect's filter may take no other: OpenCV's bilateral filter ends with an error."""
     v = view()
-    starts = {k: p.starts[0] + 0.01 for k, p in FOUND[name].PARAMETERS.items()}
+    starts = {k: value + 0.01 for k, value in library.starts_of(name)[0].items()}
     out = FOUND[name].apply(noise_image(3, v), v, starts, np.random.default_rng(1))
     assert out.dtype == np.float32
 
@@ -252,7 +252,7 @@ def test_a_mosaic_keeps_what_is_linear(corrected):
     y, x = np.mgrid[:rows, :columns].astype(np.float32)
     plane = 0.2 + 0.3 * x / columns + 0.2 * y / rows
     image = np.stack([plane, plane + 0.1, plane - 0.1], axis=-1).astype(np.float32)
-    module = pipeline.effect_named("bayer_demosaic")
+    module = library.effect_named("bayer_demosaic")
     for name in module.RED:
         p = dict.fromkeys(module.PARAMETERS, 0.0) | {name: 1.0, "corrected": corrected}
         inner = module.apply(image, v, p, None)[4:-4, 4:-4]

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from effect_views import MARGIN, view
 
-from effects import pipeline
+from effects import library
 from expose_twin import expose_twin
 from rig import tables
 from rig.errors import InputError
@@ -66,7 +66,7 @@ def test_trials_share_the_render_not_the_noise(run):
 
 def test_effects_reach_the_file(run):
     """Red is brighter where red's gain is: channels are stored in the order that readers expect."""
-    images = run([["colour_balance", pipeline.nulls_of("colour_balance") | {"red_gain": 1.3}]])
+    images = run([["colour_balance", library.nulls_of("colour_balance") | {"red_gain": 1.3}]])
     blue, green, red = pixels(images["a0"]).reshape(-1, 3).mean(axis=0)
     assert red > green + 5
     assert blue == pytest.approx(green, abs=0.5)

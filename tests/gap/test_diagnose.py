@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from cases import generated_case
 
-from effects import pipeline
+from effects import library
 from gap.climb import climb, conclude, verdict_of
-from gap.diagnose import Candidate, Diagnosis, is_there, null_of
+from gap.diagnose import Candidate, Diagnosis, is_there
 from gap.fit import LOST_PLATE, Fitter, flatten
 from gap.floors import overall_gap
 from gap.split import split_by_station
@@ -56,11 +56,11 @@ def test_held_out_plates_lie_where_some_were_fitted():
     assert len({0, 3} & set(train)) == 1
 
 
-@pytest.mark.parametrize("effect", sorted(pipeline.available_effects()))
+@pytest.mark.parametrize("effect", sorted(library.available_effects()))
 def test_a_candidate_at_its_null_reproduces_the_base_bit_for_bit(nothing_hidden, effect):
     """A candidate that draws with other samples than the base would win by its drawing."""
     case, fitter = nothing_hidden, Fitter(nothing_hidden)
-    null = {k: p.null for k, p in pipeline.available_effects()[effect].PARAMETERS.items()}
+    null = {k: p.null for k, p in library.available_effects()[effect].PARAMETERS.items()}
     base = fitter.predict(0, [], np.zeros(6))
     same = fitter.predict(0, [(effect, null)], np.zeros(6))
     w = fitter.whiteners[0]
@@ -140,7 +140,7 @@ def test_an_effect_is_there_only_where_it_is_certain_and_large_enough(sigma_px, 
 
 def test_a_warp_is_there_though_none_of_its_waves_is_certain_by_itself():
     """Waves stand in for one another where plates are few: asked one by one, none is certain of a warp of many pixels."""
-    waves = null_of("local_warp")
+    waves = library.nulls_of("local_warp")
     uncertain = dict.fromkeys(waves, 0.3)
     assert is_there("local_warp", dict.fromkeys(waves, 0.2), uncertain)
     assert not is_there("local_warp", dict.fromkeys(waves, 0.01), uncertain)

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from effects import pipeline
+from effects import library
 from gap.fit import NU, Fitter, image_step, response, rounding_variance, updated, without_pose
 
 
@@ -37,7 +37,7 @@ def test_rounding_errs_where_no_noise_carries_levels_across():
 
 def test_steps_of_derivatives_are_near_what_matters_of_every_parameter():
     """Two hundredths of a ratio are ten pixels at the edge: a fit of colour fringes would stop half way."""
-    for name, module in pipeline.available_effects().items():
+    for name, module in library.available_effects().items():
         for key, p in module.PARAMETERS.items():
             assert abs(image_step((name, key), p.null)) == pytest.approx(p.matters)
 

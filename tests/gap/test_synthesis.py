@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from effects import pipeline
+from effects import library, pipeline
 from effects.base import Scene, View
 from effects.encoding import mean_of_clipped
 from effects.filters import gaussian
@@ -130,7 +130,7 @@ def test_light_is_spread_as_the_image_is_blurred(effect):
     scene, view = scene_and_view()
     sharp = shade(scene, view, *coverages(Prints(scene.plates), view))
     drawn = shade(scene, view, *coverages(Prints(scene.plates), view, spread=pipeline.light_spread(view, [effect])))
-    module, m = pipeline.effect_named(effect[0]), 20
+    module, m = library.effect_named(effect[0]), 20
     blurred = module.apply(sharp.astype(np.float32)[..., None], view, effect[1], None)[..., 0]
     inside = np.s_[m:-m, m:-m]
     assert np.abs(sharp - blurred)[inside].max() > 0.1
@@ -173,7 +173,7 @@ def test_parts_of_light_fill_what_they_stand_for():
                 way = np.array([p["dx_px"], p["dy_px"]])
                 wanted += np.outer(way, way) / 12
             else:
-                wanted += np.eye(2) * pipeline.effect_named(name).spread_px(*at.T, view, p) ** 2
+                wanted += np.eye(2) * library.effect_named(name).spread_px(*at.T, view, p) ** 2
         assert np.abs(moved.mean(0)).max() < 1e-9
         np.testing.assert_allclose(
             np.cov(moved.T, bias=True), wanted, atol=(0.001, 0.05)[len(chosen) > 1] * wanted.max()

@@ -26,6 +26,7 @@ from detectors.bart.edges import identity, move_sides, refine_quad, spread_of_wh
 from detectors.bart.quads import RETRY_PX, SMALLEST_PX, candidates, components, quads_of, search_boxes
 from detectors.contract import Detection, grey_image
 
+TRACKER = "tracker"
 PARAMETERS = {
     # "mean": dark is darker than its surroundings: bears uneven light. "otsu": one level for the whole image:
     # faster, but loses markers in shade. "both": what either finds, at the cost of both.
