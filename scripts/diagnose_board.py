@@ -15,7 +15,7 @@ from effects import library
 from effects.base import View
 from gap import ladder, points
 from gap.climb import ENOUGH
-from gap.diagnose import MANY_PARAMETERS
+from gap.diagnose import MANY_PARAMETERS, fitted
 from register_captures import better_finder, board_finder, look_at_captures, usable_views
 from rig import calibration, tables
 from rig.campaign import Board
@@ -50,11 +50,6 @@ def evaluated(train, test, effects, free, focal, sigma):
         "rms_px": points.rms_px(parts, sigma),
         "errors": dict(zip(free, np.sqrt(np.maximum(np.diag(covariance), 0)), strict=True)),
     }  # fmt: skip
-
-
-def all_free(effects):
-    """Return [(effect, parameter)] of all parameters."""
-    return [(n, k) for n, p in effects for k in p]
 
 
 def climb(train, test, focal, sigma, most_steps):
@@ -94,7 +89,7 @@ def candidate(name, current, train, test, sigma):
     """Return the outcome of an effect added to the current one, all effects refitted."""
     start = library.starts_of(name)[0]
     effects = [*current["effects"], (name, start)]
-    outcome = evaluated(train, test, effects, all_free(effects), current["focal"], sigma)
+    outcome = evaluated(train, test, effects, fitted(effects), current["focal"], sigma)
     gain = current["losses"] - outcome["losses"]
     return outcome | {"gain": float(gain.sum()), "share": float((gain > 0).mean()), "parameters": len(start)}
 

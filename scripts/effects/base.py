@@ -20,7 +20,8 @@ class Parameter:
     doc        what it is, in one sentence
     prior_sd   standard deviation of a prior about null, for what data may leave undetermined; None: no prior
     auxiliary  whether it only says how another parameter acts and does nothing by itself
-    discrete   whether the image changes by leaps with it: whole values are compared before a fit
+    discrete   whether the image changes by leaps with it: whole values are compared before a fit. Of an auxiliary one
+               whole values are all there are, and no fit moves it
     """
 
     unit: str
@@ -32,6 +33,11 @@ class Parameter:
     prior_sd: float | None = None
     auxiliary: bool = False
     discrete: bool = False
+
+    @property
+    def is_choice(self):
+        """Whether whole values are all there are: compared, never fitted."""
+        return self.auxiliary and self.discrete
 
 
 @dataclass(frozen=True)

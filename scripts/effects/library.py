@@ -22,6 +22,7 @@ HOOKS = {  # functions that an effect may have, with their parameters
 }
 NEEDED = ("STAGE", "ORDER", "AFFECTS", "PARAMETERS")
 OPTIONAL = ("STARTS", "CHROMATIC", "MAKES_COLOUR", "MIXES_CHANNELS", "PARTS")
+PLACE = "place"  # the parameter that says which of several ORDERs an effect has
 ALIKE = 0.82  # difflib's ratio from which a name is taken for a misspelt one; spread_px and spread have 0.80
 
 
@@ -64,6 +65,29 @@ def starts_of(name):
 def discrete_parameters(name):
     """Return the names of the parameters with which an effect's image changes by leaps."""
     return [key for key, p in parameters_of(name).items() if p.discrete]
+
+
+def fitted_parameters(name):
+    """Return the names of the parameters that a fit may move; whole values of the others are compared."""
+    return [key for key, p in parameters_of(name).items() if not p.is_choice]
+
+
+def place_of(name, p):
+    """Return (stage, order, name) by which effects act one after the other, of parameters that may leave some at null."""
+    module = effect_named(name)
+    order = module.ORDER
+    if isinstance(order, tuple):
+        order = order[int(p.get(PLACE, module.PARAMETERS[PLACE].null))]
+    return STAGES.index(module.STAGE), order, name
+
+
+def acting(name, p):
+    """Return the parameters of an effect but for where it acts, those that are not given at their null; None at the null."""
+    nulls = nulls_of(name)
+    complete = nulls | dict(p)
+    if isinstance(effect_named(name).ORDER, tuple):
+        del nulls[PLACE], complete[PLACE]
+    return None if complete == nulls else complete
 
 
 def affects(name):
@@ -120,8 +144,9 @@ def _check_contract(module):
             raise InputError(f"breaks the contract: {constant} is missing (see docs/effects.md)")
     if module.STAGE not in STAGES:
         raise InputError(f"STAGE is {module.STAGE!r}; allowed: {', '.join(STAGES)}")
-    if not isinstance(module.ORDER, int | float):
-        raise InputError(f"ORDER is {module.ORDER!r}; a number is needed")
+    orders = module.ORDER if isinstance(module.ORDER, tuple) else (module.ORDER,)
+    if not orders or not all(isinstance(order, int | float) for order in orders):
+        raise InputError(f"ORDER is {module.ORDER!r}; a number, or a tuple of numbers, is needed")
     if not (module.__doc__ or "").strip():
         raise InputError("breaks the contract: a docstring that says what the effect is is missing")
     _check_hooks(module)
@@ -171,6 +196,13 @@ def _check_parameters(module):
             raise InputError(f"PARAMETERS[{key!r}] is no effects.base.Parameter")
         if not p.lower <= p.null <= p.upper:
             raise InputError(f"PARAMETERS[{key!r}]: null is {p.null}; it must lie in [{p.lower}, {p.upper}]")
+    if isinstance(module.ORDER, tuple):
+        place = module.PARAMETERS.get(PLACE)
+        if place is None or not place.is_choice or (place.lower, place.upper) != (0, len(module.ORDER) - 1):
+            raise InputError(
+                f"ORDER is {module.ORDER!r}: a discrete auxiliary parameter {PLACE!r}, 0 to {len(module.ORDER) - 1}, is "
+                "needed that says which"
+            )
 
 
 def _check_starts(module):

@@ -10,9 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from effects.base import STAGES
 from effects.encoding import encode, mean_of_clipped
-from effects.library import effect_named, nulls_of, spreads_light
+from effects.library import acting, effect_named, nulls_of, place_of, spreads_light
 from effects.resampling import fine_map, sample
 from rig.errors import InputError
 
@@ -28,18 +27,14 @@ SPARE_PX = 4  # what the interpolation needs beyond the last ray
 
 
 def key_of(chosen):
-    """Return a hashable key of a list of effects, those at their null left out."""
-    return tuple((n, tuple(sorted(p.items()))) for n, p in sorted(chosen) if p != nulls_of(n))
+    """Return a hashable key of what a list of effects does: those at their null left out, in the order in which they act."""
+    found = ((n, acting(n, p)) for n, p in in_order(chosen))
+    return tuple((n, tuple(sorted(p.items()))) for n, p in found if p is not None)
 
 
 def in_order(chosen):
     """Return effects [(name, params)] in physical order: by stage, then ORDER, then name."""
-
-    def place(effect):
-        module = effect_named(effect[0])
-        return STAGES.index(module.STAGE), module.ORDER, effect[0]
-
-    return sorted(chosen, key=place)
+    return sorted(chosen, key=lambda effect: place_of(*effect))
 
 
 def active(chosen, function):
@@ -49,10 +44,8 @@ def active(chosen, function):
     """
     found = []
     for name, params in in_order(chosen):
-        nulls = nulls_of(name)
-        complete = nulls | dict(params)
-        if hasattr(effect_named(name), function) and complete != nulls:
-            found.append((effect_named(name), complete))
+        if hasattr(effect_named(name), function) and acting(name, params) is not None:
+            found.append((effect_named(name), nulls_of(name) | dict(params)))
     return found
 
 

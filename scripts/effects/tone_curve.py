@@ -1,9 +1,12 @@
-"""A smooth curve on the encoded values, ends fixed and never falling.
+"""A smooth curve on the encoded values, ends fixed and never falling; before other processing, within it or after it.
 
 v' = v + d(v): d is a natural cubic spline through 0 at black and white and through lift_at_20_pct_dn .. lift_at_90_pct_dn at
 tenths of full scale; a knot below all levels that a rig shows would be free to bend the rest. Source: de Boor, "A Practical
 Guide to Splines" (1978); as a camera's curve e.g. Grossberg and Nayar, "What is the space of camera response functions?"
 (2003), for which a few smooth parts are enough.
+
+Cameras differ in where it stands (e.g. Ramanath et al., "Color image processing pipeline", 2005): before smoothing and
+sharpening, between them, or after both.
 """
 
 import functools
@@ -13,7 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from effects.base import Parameter
 
-STAGE, ORDER = "processing", 20
+STAGE, ORDER = "processing", (20, 35, 45)
 AFFECTS = "intensity"
 PERCENT = range(20, 100, 10)
 PARAMETERS = {
@@ -22,6 +25,17 @@ PARAMETERS = {
     )
     for k in PERCENT
 }
+LIFTS = tuple(PARAMETERS)
+PARAMETERS["place"] = Parameter(
+    unit="1",
+    lower=0,
+    upper=2,
+    null=0,
+    matters=1,
+    doc="0: before denoising and sharpening, 1: between them, 2: after both",
+    auxiliary=True,
+    discrete=True,
+)
 STEPS = 4096
 
 
@@ -34,15 +48,20 @@ def _waves():
 
 def curve(p):
     """Return the grey levels (STEPS + 1,) that encoded values 0..255 become."""
-    bent = np.linspace(0, 255, STEPS + 1) + _waves() @ [p[name] for name in PARAMETERS]
+    bent = np.linspace(0, 255, STEPS + 1) + _waves() @ [p[name] for name in LIFTS]
     return np.maximum.accumulate(np.clip(bent, 0, 255))
 
 
 def apply(image, view, p, rng):
-    """Bend the encoded values."""
-    if all(p[k] == q.null for k, q in PARAMETERS.items()):
+    """Bend the encoded values.
+
+    What an expected image has beyond black and white, it keeps: noise decides, at the end, how much of it is clipped.
+    """
+    if not any(p[k] for k in LIFTS):
         return image  # not through a table
-    at = np.clip(image, 0, 255) * np.float32(STEPS / 255)
+    levels = np.clip(image, 0, 255)
+    at = levels * np.float32(STEPS / 255)
     table = curve(p).astype(np.float32)
     low = np.minimum(at.astype(np.int32), STEPS - 1)
-    return table[low] + (at - low.astype(np.float32)) * (table[low + 1] - table[low])
+    bent = table[low] + (at - low.astype(np.float32)) * (table[low + 1] - table[low])
+    return bent + (image - levels) if rng is None else bent

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from effects import library
-from gap.diagnose import LEAST_GAIN, LEAST_PROMISE, MANY_PARAMETERS, gains_by_station, is_there, rank
+from gap.diagnose import LEAST_GAIN, LEAST_PROMISE, MANY_PARAMETERS, fitted, gains_by_station, is_there, rank
 from gap.fit import GROUPS
 from gap.floors import excess_of, losses_of
 
@@ -161,7 +161,7 @@ def _retraced(diagnosis, start, outcome, without, excess):
     for step in outcome.steps:
         if step.effect not in without:
             effects = diagnosis.effects + [(step.effect, found[step.effect])]
-            fit = diagnosis.set_base(effects, [(n, k) for n, p in effects for k in p if n not in diagnosis.fixed])
+            fit = diagnosis.set_base(effects, [f for f in fitted(effects) if f[0] not in diagnosis.fixed])
             steps.append(_step(diagnosis, fit, step.effect, step.candidates, step.confused_with, step.main_group))
     left = rank([*outcome.left, *(diagnosis.null_candidate(name) for name in without)])
     return outcome_of(diagnosis, steps, left, excess)

@@ -3,12 +3,13 @@
 Losses are sums of the robust loss over whitened residuals (gap.fit); gaps are in units of the floor.
 """
 
+import itertools
 import math
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from effects import library
+from effects import library, pipeline
 from gap.fit import (
     NU,
     Fitter,
@@ -94,6 +95,11 @@ class Candidate:
         return cls(**values, state=state)
 
 
+def fitted(effects):
+    """Return [(effect, parameter)] of all that a fit of a list of effects may move."""
+    return [(n, k) for n, p in effects for k in p if not spec((n, k)).is_choice]
+
+
 def start_step(parameter, value):
     """Return the step from the null to the farthest start: an even parameter has no slope at its null."""
     effect, key = parameter
@@ -177,7 +183,7 @@ class Diagnosis:
         Cheap (a prediction for each parameter and start); what promises next to nothing is not fitted. ``beside`` are the
         derivatives {i: (n, k)} by the base's free parameters, which then go along: they may have made up for the effect.
         """
-        free = [(effect, k) for k in library.nulls_of(effect)]
+        free = [(effect, k) for k in library.fitted_parameters(effect)]
         effects = self.effects + [(effect, library.nulls_of(effect))]
         indices, groups, nu = self._probed(effects)
         derivatives = self.fitter.derivatives(effects, free, self.poses, groups, indices, start_step)
@@ -226,25 +232,29 @@ class Diagnosis:
             losses.append(total(there, nu))
         return gains, losses
 
-    def best_leap(self, effect, known, others):
-        """Return ``known`` parameters of an effect whose image changes by leaps, with the best of the leaping one's whole values.
+    def best_leap(self, effect, known, others, names, poses):
+        """Return ``known`` parameters of an effect with the best whole values of its discrete ones ``names``.
 
-        ``others`` are the effects beside it.
+        ``others`` are the effects beside it. Values that make no other image, such as a place in an order that no other
+        effect minds, are not compared.
         """
-        (name,), i = library.discrete_parameters(effect), self.train[0]
-        bounds = spec((effect, name))
-        whole = range(math.ceil(bounds.lower), math.floor(bounds.upper) + 1)
+        i, images = self.train[0], {}
+        for values in itertools.product(*(whole_values((effect, name)) for name in names)):
+            parameters = known | dict(zip(names, values, strict=True))
+            images.setdefault(pipeline.key_of(others + [(effect, parameters)]), []).append(parameters)
+        different = [known if known in alike else alike[0] for alike in images.values()]
 
-        def loss(start):
-            groups = self.fitter.residuals_at(i, others + [(effect, start)], self.poses[i])
+        def loss(parameters):
+            groups = self.fitter.residuals_at(i, others + [(effect, parameters)], poses[i])
             return total({i: groups}, NU * LEAPING_WIDTH**2)
 
-        return min((known | {name: float(value)} for value in whole), key=loss)
+        return min(different, key=loss) if len(different) > 1 else different[0]
 
     def likely_starts(self, effect):
         """Return those of an effect's starts that are worth a short fit."""
-        if library.discrete_parameters(effect):
-            return [self.best_leap(effect, library.nulls_of(effect), self.effects)]
+        leaping = [k for k in library.discrete_parameters(effect) if not spec((effect, k)).is_choice]
+        if leaping:
+            return [self.best_leap(effect, library.nulls_of(effect), self.effects, leaping, self.poses)]
         starts = library.starts_of(effect)
         if len(starts) <= MOST_STARTS:
             return starts
@@ -297,7 +307,7 @@ class Diagnosis:
 
     def try_effect(self, effect, beside=()):
         """Return the Candidate of one effect added to the base and fitted, parameters ``beside`` it refitted."""
-        free = [(effect, k) for k in library.nulls_of(effect)]
+        free = [(effect, k) for k in library.fitted_parameters(effect)]
         starts = self.likely_starts(effect)
         probe = probes(self.train)
         if len(starts) > 1:
@@ -312,13 +322,25 @@ class Diagnosis:
         else:
             start_effects = self.effects + [(effect, starts[0])]
         fit = self.fitter.fit(start_effects, free + list(beside), self.poses, self.train, iterations=9, scale=8.0)
+        chosen = self._with_choices(effect, fit.state)
+        if chosen != fit.state.effects:
+            other = self.fitter.fit(chosen, free + list(beside), fit.state.poses, self.train, iterations=9, scale=8.0)
+            fit = min(fit, other, key=lambda f: f.loss)
         poses, groups = self.fitter.score(fit.state.effects, fit.state.poses, self.test)
         return self._candidate(effect, fit, poses, groups)
 
+    def _with_choices(self, effect, state):
+        """Return the effects of a fitted State, one of them with the best values of what no fit moves."""
+        names = [k for k in library.discrete_parameters(effect) if spec((effect, k)).is_choice]
+        others = [e for e in state.effects if e[0] != effect]
+        known = dict(state.effects)[effect]
+        best = self.best_leap(effect, known, others, names, state.poses) if names else known
+        return [(n, best if n == effect else p) for n, p in state.effects]
+
     def _candidate(self, effect, fit, poses, groups):
-        values = dict(fit.state.effects)[effect]
+        values, names = dict(fit.state.effects)[effect], library.fitted_parameters(effect)
         errors, cautious = (
-            dict(zip(values, e[: len(values)], strict=True))  # they come first
+            dict(zip(names, e[: len(names)], strict=True))  # they come first
             for e in (fit.errors, fit.cautious_errors)
         )
         losses = losses_of(groups)
@@ -345,7 +367,7 @@ class Diagnosis:
 
     def free(self):
         """Return [(effect, parameter)] of what is fitted in the base."""
-        return [(n, k) for n, p in self.effects for k in p if n not in self.fixed]
+        return [f for f in fitted(self.effects) if f[0] not in self.fixed]
 
     def adopt(self, candidate):
         """Make the candidate part of the base and refit all its effects together; return the Fit.
@@ -371,7 +393,8 @@ class Diagnosis:
         for name, p in self.effects:
             discrete = library.discrete_parameters(name)
             if discrete and name != new and name not in self.fixed:
-                best = self.best_leap(name, p, [e for e in self.effects if e[0] != name])
+                others = [e for e in self.effects if e[0] != name]
+                best = self.best_leap(name, p, others, discrete, self.poses)
                 if any(abs(best[k] - p[k]) >= 1 for k in discrete):
                     p = best
             effects.append((name, p))
@@ -381,6 +404,12 @@ class Diagnosis:
         """Take an effect out of the base and refit; return the Fit."""
         self.effects = [(n, p) for n, p in self.effects if n != name]
         return self.set_base(self.effects, self.free())
+
+
+def whole_values(parameter):
+    """Return the whole values of (effect, parameter) within its bounds."""
+    bounds = spec(parameter)
+    return [float(value) for value in range(math.ceil(bounds.lower), math.floor(bounds.upper) + 1)]
 
 
 def is_promising(effect, promises, most=TRIED):

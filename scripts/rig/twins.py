@@ -92,12 +92,15 @@ def _effect(where, entry):
         value = given.get(key, p.null)
         if isinstance(value, str) and NUMBER.fullmatch(value):
             value = float(value)
-        if value == FIT:
+        if value == FIT and not p.is_choice:
             fitted.append(key)
             value = start[key]
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise InputError(f"{where}: {name}.{key} is {value!r}; a number in {p.unit} or `{FIT}` is needed")
+            wanted = "a whole number" if p.is_choice else f"a number in {p.unit} or `{FIT}`"
+            raise InputError(f"{where}: {name}.{key} is {value!r}; {wanted} is needed")
         if not p.lower <= value <= p.upper:
             raise InputError(f"{where}: {name}.{key} is {value:g} {p.unit}; allowed are {p.lower:g} to {p.upper:g}")
+        if p.is_choice and value != int(value):
+            raise InputError(f"{where}: {name}.{key} is {value:g}; a whole number is needed")
         values[key] = float(value)
     return name, values, fitted

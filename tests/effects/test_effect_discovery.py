@@ -66,6 +66,7 @@ def test_a_thirtieth_effect_takes_part(folder, tmp_path):
         ("bad_starts", ('({"light": 0.1},)', '{"light": 0.1}'), "a tuple of at least one dict"),
         ("bad_null", ("lower=0.0", "lower=0.5"), "null is 0.0; it must lie in"),
         ("bad_order", ("160", "'last'"), "ORDER is 'last'"),
+        ("orders", ("160", "(160, 170)"), "a discrete auxiliary parameter 'place', 0 to 1, is needed"),
         ("bad_affects", ('"intensity"', '"light"'), "AFFECTS is 'light'; allowed: geometry, point_spread, intensity"),
         ("false_affects", ('"intensity"', '"geometry"'), "AFFECTS is 'geometry', but it has apply"),
         ("misspelt_apply", ("def apply", "def aply"), "aply: the contract has no such name; apply is meant"),
@@ -114,6 +115,7 @@ def twin_of(tmp_path, text):
     return load_twin(path)
 
 
+CURVE = "effects:\n  - effect: tone_curve\n    parameters: {lift_at_50_pct_dn: 9, place: 1.5}\n"
 ENTRY = "effects:\n  - effect: lens_blur\n    parameters: {sigma_px: 0.8}\n"
 
 
@@ -125,6 +127,8 @@ ENTRY = "effects:\n  - effect: lens_blur\n    parameters: {sigma_px: 0.8}\n"
         (ENTRY.replace("sigma_px", "sigma_mm"), "no parameter 'sigma_mm'; it has sigma_px"),
         (ENTRY.replace("0.8", "0.8 mm"), "is '0.8 mm'; a number in px"),
         (ENTRY.replace("0.8", ".nan"), "a number in px"),
+        (CURVE, "tone_curve.place is 1.5; a whole number is needed"),
+        (CURVE.replace("1.5", "fit"), "tone_curve.place is 'fit'; a whole number is needed"),
         (ENTRY.replace("0.8", "true"), "a number in px"),
         (ENTRY + "  - effect: lens_blur\n", "stands twice"),
         (ENTRY.replace("0.8", "!!python/object/apply:os.system [ls]"), "constructor|tag"),

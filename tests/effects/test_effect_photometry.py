@@ -216,12 +216,61 @@ def test_tone_curve_keeps_ends_and_order():
     """Black and white stay, and no two levels change places, over all of the bounds."""
     levels = np.linspace(0, 255, 256, dtype=np.float32)[None, :, None]
     known = FOUND["tone_curve"].PARAMETERS
-    for name, parameter in known.items():
-        for value in (parameter.lower, parameter.upper):
-            bent = {k: 5.0 for k in known} | {name: value}
+    for name in FOUND["tone_curve"].LIFTS:
+        for value in (known[name].lower, known[name].upper):
+            bent = {k: 5.0 for k in FOUND["tone_curve"].LIFTS} | {name: value}
             out = FOUND["tone_curve"].apply(levels, view(), bent, None)[0, :, 0]
             assert (out[0], out[-1]) == (0, 255)
             assert (np.diff(out) > -1e-4).all()
+
+
+CURVE = {"lift_at_30_pct_dn": 12.0, "lift_at_50_pct_dn": 18.0, "lift_at_70_pct_dn": 10.0}
+SMOOTH, SHARP = ("denoising", {"strength_dn": 20.0}), ("sharpening", {"amount": 1.0})
+
+
+def images_by_place(others, rng=None, v=None):
+    """Return the grey levels of an image by the curve's place, 0 to 2, beside other effects."""
+    v = v or view(noise_dn=1.0)
+    radiance = cv2.GaussianBlur(noise_image(1, v, high=1.0), (0, 0), 3)
+    radiance = 3 * (radiance - radiance.mean()) + 0.3
+    for place in (0, 1, 2):
+        curve = ("tone_curve", parameters("tone_curve", **CURVE, place=place))
+        yield pipeline.photometric(radiance[..., None], v, [curve, *others], rng and rng(3))[FRAME]
+
+
+@pytest.mark.parametrize("rng", [None, np.random.default_rng])
+def test_a_curve_acts_in_its_place(rng):
+    """Fails if a place were not heeded, or made a difference where nothing lies between two of them."""
+    first, between, last = images_by_place([SMOOTH, SHARP], rng)
+    assert min(np.abs(a - b).max() for a, b in ((first, between), (first, last), (between, last))) > 1
+    alone = list(images_by_place([("jpeg_compression", {"loss": 20.0})], rng))
+    np.testing.assert_array_equal(alone[0], alone[1])
+    np.testing.assert_array_equal(alone[0], alone[2])
+    beside_one = list(images_by_place([SHARP], rng))
+    np.testing.assert_array_equal(beside_one[0], beside_one[1])
+    assert np.abs(beside_one[0] - beside_one[2]).max() > 1
+
+
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_an_expected_image_follows_the_curve_s_place(place):
+    """Fails if what sharpening throws beyond white were cut off before noise, which takes half of it back, is minded."""
+    v = view(noise_dn=2.0)
+    radiance = np.where(np.arange(v.width + 2 * v.margin) % 24 < 12, 0.02, 0.96).astype(np.float32)
+    radiance = np.repeat(radiance[None, :, None], v.height + 2 * v.margin, axis=0)
+    chosen = [("tone_curve", parameters("tone_curve", **CURVE, place=place)), ("sharpening", {"amount": 0.8})]
+    expected = pipeline.expected_levels(radiance, v, chosen)[FRAME].mean(axis=0)
+    random = np.random.default_rng(8)
+    taken = [np.clip(pipeline.photometric(radiance, v, chosen, random), 0, 255)[FRAME].mean(axis=0) for _ in range(20)]
+    assert np.abs(expected - np.mean(taken, axis=0)).max() < 0.5
+
+
+def test_a_place_that_makes_no_difference_is_no_other_twin():
+    """Fails if a search compared places between which nothing lies, or took two different images for one."""
+    curves = [("tone_curve", parameters("tone_curve", **CURVE, place=place)) for place in (0, 1, 2)]
+    assert len({pipeline.key_of([curve, ("jpeg_compression", {"loss": 20.0})]) for curve in curves}) == 1
+    assert len({pipeline.key_of([curve, SHARP]) for curve in curves}) == 2
+    assert len({pipeline.key_of([curve, SMOOTH, SHARP]) for curve in curves}) == 3
+    assert pipeline.key_of([("tone_curve", parameters("tone_curve", place=2))]) == ()
 
 
 def test_colour_only_where_there_is_colour():
