@@ -4,8 +4,10 @@ import math
 
 import pytest
 
+from expand_tables import facts_of
 from rig.campaign import load_campaign
 from rig.errors import InputError
+from rig.registration import prior_of
 from shared_files import SHARED, shared
 from tiny_campaign import CAPTURES, MARKERS, lay_down
 
@@ -98,6 +100,11 @@ def test_a_link_out_of_the_campaign_is_refused(tmp_path):
         (lambda d: d.update(captures="../captures.csv"), ["captures", "inside"]),
         (lambda d: d.update(target={"type": "chessboard", "columns": 9, "rows": 6}), ["square_m"]),
         (lambda d: d["reflectance"].update(white=0.01), ["reflectance", "white"]),
+        (lambda d: d.update(tolerance="good"), ["tolerance", "'good'", "position_m", "exact", "unknown"]),
+        (lambda d: d["tolerance"].update(angle_deg=-1), ["tolerance.angle_deg", "'-1'"]),
+        (lambda d: d["tolerance"].pop("angle_deg"), ["tolerance.angle_deg", "required"]),
+        (lambda d: d["tolerance"].update(tilt_deg=1), ["tolerance.tilt_deg", "unknown key", "angle_deg"]),
+        (lambda d: d.update(tolerance=0.1), ["tolerance", "'0.1'"]),
     ],
 )
 def test_a_bad_description_is_named(tmp_path, change, words):
@@ -106,6 +113,38 @@ def test_a_bad_description_is_named(tmp_path, change, words):
         load_campaign(campaign)
     for word in ["campaign.yaml", *words]:
         assert word in str(error.value)
+
+
+@pytest.mark.parametrize("write", [lambda d: d.pop("tolerance"), lambda d: d.update(tolerance=None)])
+def test_stations_without_a_tolerance_are_refused(tmp_path, write):
+    """Fails if an absent tolerance is taken for unknown or for exact: a mount would never be named, or always."""
+    with pytest.raises(InputError) as error:
+        load_campaign(lay_down(tmp_path / "c", describe=write))
+    for word in ["campaign.yaml", "tolerance", "left_a", "position_m", "angle_deg", "exact", "unknown"]:
+        assert word in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("written", "sigma"),
+    [
+        ({"position_m": 0.002, "angle_deg": 0.2}, [math.radians(0.2)] * 3 + [0.002] * 3),
+        ({"position_m": 0.0, "angle_deg": 0.2}, [math.radians(0.2)] * 3 + [1e-9] * 3),
+        ("exact", [1e-9] * 6),
+        ("unknown", [math.inf] * 6),
+    ],
+)
+def test_a_tolerance_becomes_the_poses_prior(tmp_path, written, sigma):
+    """Fails if `exact` and `unknown` are taken for each other, degrees for radians, or zero for a division by zero."""
+    campaign = lay_down(tmp_path / "c", describe=lambda d: d.update(tolerance=written))
+    assert prior_of(facts_of(load_campaign(campaign).file)["tolerance"]).tolist() == sigma
+
+
+def test_poses_without_a_station_need_no_tolerance(tmp_path):
+    """Fails if campaigns of poses in full or of unknown ones must write what they do not know."""
+    rows = ["p,left,images/left/a.png,1.5,0,0,0,0.3,0.7", "u,right,images/right/a.png,,,,,,"]
+    captures = "\n".join(["capture,camera,image,rx,ry,rz,tx,ty,tz", *rows]) + "\n"
+    campaign = lay_down(tmp_path / "c", describe=lambda d: d.pop("tolerance"), captures=captures)
+    assert (prior_of(facts_of(load_campaign(campaign).file)["tolerance"]) == math.inf).all()
 
 
 @pytest.mark.parametrize(
