@@ -151,7 +151,11 @@ def test_poses_without_a_station_need_no_tolerance(tmp_path):
     ("text", "words"),
     [
         ("!!python/object/apply:os.system ['touch owned']", "line 1"),
-        ("name: a\nname: b\n", "line 2"),
+        ("name: a\nname: b\n", "line 2: key 'name' stands twice"),
+        ("name: {a: 1,\n a: 1}", "line 2: key 'a' stands twice"),
+        ("name: a\n? [1, 2]\n: b\n", "line 2: key .* is not a word"),
+        ("name: !!timestamp soon", "line 1"),
+        ("!!map [1]", "line 1"),
         ("a: &a [x, x]\nb: [*a, *a]\n", "aliases"),
         ("[" * 3000, "campaign.yaml"),
         ("- 1\n", "keys and values"),
@@ -167,6 +171,15 @@ def test_hostile_yaml_ends_in_one_message(tmp_path, text, words):
     (campaign / "campaign.yaml").write_bytes(text.encode("latin-1"))
     with pytest.raises(InputError, match=words):
         load_campaign(campaign)
+
+
+def test_numbers_with_an_exponent_are_numbers(tmp_path):
+    """Fails if YAML is read as its version 1.1, which takes 2e-3 for text (and `no` for a bool)."""
+    campaign = lay_down(tmp_path / "c", describe=lambda d: d.update(name="no"))
+    description = campaign / "campaign.yaml"
+    description.write_text(description.read_text().replace("0.002", "2e-3").replace("'no'", "no"))
+    file = load_campaign(campaign).file
+    assert (file.name, file.tolerance.position_m) == ("no", 0.002)
 
 
 def test_a_board_with_more_markers_than_its_dictionary_is_refused(tmp_path):
