@@ -271,7 +271,7 @@ def describe(entry):
 
 
 def adopt(path, campaign, camera, effects):
-    """Write effects (names; empty: the next one) with what the diagnosis says of them into the twin's file."""
+    """Write effects (names; empty: the next one) with what the diagnosis says into the twin's file; return the entries."""
     diagnosis = read_diagnosis(campaign, camera)
     adopted = dict(load_twin(path).effects)
     entries = []
@@ -279,12 +279,21 @@ def adopt(path, campaign, camera, effects):
         library.effect_named(effect)
         entries.append(entry_of(effect, *finding(diagnosis, effect)))
     add(path, entries, campaign, camera)
+    return entries
+
+
+def say_what_was_adopted(path, entries):
+    """Print a line an entry of the twin's file."""
     for entry in entries:
         print(f"{path}: {describe(entry)}; {entry['origin']}.")
 
 
 def climb(path, campaign, camera, folder, cores):
-    """Adopt what the diagnosis finds and diagnose again, until it finds nothing more."""
+    """Adopt what the diagnosis finds and diagnose again, until it finds nothing more.
+
+    The twin's file and the diagnosis belong together, so nothing is printed between them: a closed pipe ends the climb
+    before or after both.
+    """
     if folder is None:
         raise InputError(
             f"--auto needs the campaign's folder to diagnose again: give --campaign FOLDER, not {campaign}"
@@ -296,12 +305,13 @@ def climb(path, campaign, camera, folder, cores):
         if not missing:
             print(f"The verdict on {camera} is now: {diagnosis['verdict']}.")
             return
-        adopt(path, campaign, camera, missing)
-        print("Diagnosing again ...", flush=True)
+        print(f"Adopting {', '.join(missing)} and diagnosing again ...", flush=True)
+        entries = adopt(path, campaign, camera, missing)
         target = f"results/{campaign}/diagnosis/{camera}.json"
         done = snakemake(folder, target, "--cores", str(cores), "--rerun-incomplete", "--quiet", "all")
         if done.returncode:
             raise InputError(f"the diagnosis failed:\n{(done.stdout + done.stderr)[-3000:]}")
+        say_what_was_adopted(path, entries)
     print(f"Stopped after {MOST_ROUNDS} rounds; the verdict is {read_diagnosis(campaign, camera)['verdict']}.")
 
 
@@ -319,7 +329,7 @@ def adopt_effect(camera, effect, campaign, take_out, auto, cores):
         remove(path, effect)
         print(f"{path}: {effect} is out.")
     else:
-        adopt(path, name, camera, [effect] if effect else [])
+        say_what_was_adopted(path, adopt(path, name, camera, [effect] if effect else []))
     say_what_reruns(folder)
 
 

@@ -12,6 +12,7 @@ from rig import tables
 from rig.errors import InputError
 from rig.geometry import camera_matrix, make_pose
 from rig.images import read_image
+from rig.registration import prior_of
 from rig.scene import load_scene
 
 OBSERVED = (
@@ -25,7 +26,6 @@ OBSERVED = (
     "noise",
     "noise_se",
 )
-DEGREE = np.pi / 180
 
 
 def load_case(expand, register_json, camera):
@@ -46,10 +46,6 @@ def load_case(expand, register_json, camera):
     K = camera_matrix(*(float(intrinsics[k]) for k in ("fx", "fy", "cx", "cy")))
     exposure, encoding, noise_dn = float(facts["exposure"]), facts["encoding"], float(facts["noise_dn"])
     codes = Codes.of(scene.plates, [scene.white, scene.black, scene.ground], encoding_table(encoding, exposure))
-    tolerance = facts.get("tolerance") or {}
-    sigma = np.array(
-        [tolerance.get("angle_deg", np.inf) * DEGREE] * 3 + [tolerance.get("position_m", np.inf)] * 3, float
-    )
     made = []
     for row in captures.itertuples():
         s = stations.loc[row.station]
@@ -70,7 +66,7 @@ def load_case(expand, register_json, camera):
         made.append(Capture(view, int(row.trial)))
     if not made:
         raise InputError(f"{expand}/captures.csv: camera {camera} has no captures; a diagnosis needs photographs")
-    case = Case(facts["name"], camera, scene, codes, made, sigma)
+    case = Case(facts["name"], camera, scene, codes, made, prior_of(facts["tolerance"]))
     return case, captures
 
 

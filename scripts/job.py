@@ -1,4 +1,4 @@
-"""What every script shares: atomic writes, seeds from names, the log, and an end without a traceback for bad input."""
+"""What every script shares: atomic writes, seeds from names, the log, and an end without a traceback."""
 
 import contextlib
 import hashlib
@@ -50,17 +50,33 @@ def set_up_log(log_file=None):
 
 @contextlib.contextmanager
 def one_message():
-    """Turn bad input and a full disk into one logged line and exit status 1; let true bugs keep their traceback."""
+    """Turn bad input, a full disk and a closed pipe into one logged line and exit status 1; true bugs keep their traceback."""
     try:
         yield
+        sys.stdout.flush()
     except InputError as error:
         log.error("error: %s", error)
+        raise SystemExit(1) from None
+    except BrokenPipeError:
+        log.error("error: standard output: what reads it has closed it")
         raise SystemExit(1) from None
     except OSError as error:
         if error.errno is None:
             raise
         log.error("error: %s: %s", error.filename or "file system", error.strerror)
         raise SystemExit(1) from None
+    finally:
+        drop_what_nobody_reads()
+
+
+def drop_what_nobody_reads():
+    """Empty standard output's buffer where its pipe is closed: the interpreter would flush it again, with a traceback."""
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
 
 
 def run(function, snakemake, **arguments):

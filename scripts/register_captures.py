@@ -19,7 +19,7 @@ from rig.errors import InputError
 from rig.geometry import camera_matrix, make_pose, project, split_pose
 from rig.images import read_image
 from rig.plates import aruco_dictionary, marker_corners_world
-from rig.registration import NO_PRIOR, pose_from_markers, pose_from_plane, register_pose
+from rig.registration import NO_PRIOR, pose_from_markers, pose_from_plane, prior_of, register_pose
 from rig.safe_yaml import load_yaml, validation_message
 
 log = logging.getLogger("twingap")
@@ -27,7 +27,6 @@ INTRINSICS = ("fx", "fy", "cx", "cy")
 IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 MOST_MESSAGES = 5
 SECTORS_ARE_BETTER = 0.6  # the usual chessboard finder stays unless the other nearly halves the residual
-LEAST_PRIOR = 1e-9  # rad and m: a tolerance of zero
 
 
 @dataclass
@@ -116,14 +115,6 @@ def nominal_poses(captures, stations):
         pose = stations.loc[c.station, tables.POSE].to_numpy(float)
         poses[c.capture] = make_pose(pose[:3], pose[3:]) if np.isfinite(pose).all() else None
     return poses
-
-
-def prior_of(tolerance):
-    """Return the prior's standard deviations (6,), rad and m, of a campaign's tolerance (a dict or None)."""
-    if tolerance is None:
-        return NO_PRIOR
-    sigma = np.array([np.radians(tolerance["angle_deg"])] * 3 + [tolerance["position_m"]] * 3)
-    return np.maximum(sigma, LEAST_PRIOR)
 
 
 def not_registered(nominal):

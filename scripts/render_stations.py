@@ -10,6 +10,7 @@ import json
 import logging
 import math
 import time
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -52,22 +53,18 @@ def key_of(scene, K, size, margin, samples, device, version, T_cam_world):
     digest = hashlib.sha256()
     for module in RENDERING_CODE:
         digest.update((Path(__file__).parent / module).read_bytes())
-    for plate in scene.plates:
-        for array in (plate.T_world_plate, plate.x_m, plate.y_m, plate.white):
-            digest.update(np.ascontiguousarray(array).tobytes())
-    facts = [scene.white, scene.black, scene.ground, scene.background, scene.light, scene.highlight, scene.ink_spread_m]
-    facts += [
-        scene.T_cam_mount.tolist(),
-        K.tolist(),
-        list(size),
-        margin,
-        samples,
-        device,
-        version,
-        T_cam_world.tolist(),
-    ]
-    digest.update(json.dumps(facts, sort_keys=True).encode())
+    facts = [asdict(scene), K, size, margin, samples, device, version, T_cam_world]
+    digest.update(json.dumps(facts, sort_keys=True, default=_as_lists).encode())
     return digest.hexdigest()
+
+
+def _as_lists(array):
+    """Return what json.dumps takes for an array; raises TypeError for what is none."""
+    if not isinstance(array, np.ndarray | np.generic):
+        raise TypeError(
+            f"{type(array).__name__} in a render's key: only numbers, text, arrays, lists and dicts can be hashed"
+        )
+    return array.tolist()
 
 
 def render_stations(expand, register_csv, register_json, camera, effects, settings, out, timing):

@@ -11,9 +11,11 @@ repeats fall on either side: the expected level lies between (the mean of a dith
 """
 
 import functools
+import io
 
 import cv2
 import numpy as np
+from PIL import Image
 from scipy.special import ndtr
 
 from effects.base import Parameter
@@ -59,28 +61,14 @@ def compressed(pixels, quality, full_colour):
     return back[..., ::-1] if colour else back[..., None]
 
 
-def _zigzag():
-    """Return the row and column of a table's entries in the order of a file."""
-    places = [(r, c) for r in range(BLOCK) for c in range(BLOCK)]
-    places.sort(key=lambda p: (sum(p), p[0] if sum(p) % 2 else p[1]))
-    return tuple(np.array(places).T)
-
-
 @functools.cache
 def tables(quality):
     """Return the codec's own quantisation tables (brightness, colour), each (8, 8) float32, read from a file's head."""
     grey = np.full((BLOCK, BLOCK, 3), MIDDLE, np.uint8)
-    data = cv2.imencode(".jpg", grey, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
-    found, at = {}, 2
-    while data[at + 1] != 0xDA:  # up to the start of the scan
-        length = int.from_bytes(data[at + 2 : at + 4], "big")
-        if data[at + 1] == 0xDB:
-            for first in range(at + 4, at + 2 + length, 1 + BLOCK * BLOCK):
-                table = np.zeros((BLOCK, BLOCK), np.float32)
-                table[_zigzag()] = np.frombuffer(data, np.uint8, BLOCK * BLOCK, first + 1)
-                found[data[first] & 15] = table
-        at += 2 + length
-    return found[0], found[1]
+    _, data = cv2.imencode(".jpg", grey, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    with Image.open(io.BytesIO(data)) as image:
+        brightness, colour = (image.quantization[k] for k in (0, 1))
+    return tuple(np.reshape(table, (BLOCK, BLOCK)).astype(np.float32) for table in (brightness, colour))
 
 
 def _cosines():

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Literal
 
 import pandas as pd
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from rig.errors import InputError
 from rig.plates import aruco_dictionary
@@ -23,6 +23,7 @@ NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
 LARGEST_PX = 20_000
 LARGEST_ROWS = 200_000
 LARGEST_TABLE_BYTES = 64_000_000
+TOLERANCE_WORDS = {"exact": {"position_m": 0.0, "angle_deg": 0.0}, "unknown": None}
 POSE = ("rx", "ry", "rz", "tx", "ty", "tz")
 
 
@@ -73,7 +74,7 @@ class Reflectance(Strict):
 
 
 class Tolerance(Strict):
-    """How well a station is known, one standard deviation per axis."""
+    """How well a pose is known, one standard deviation per axis."""
 
     position_m: float = Field(ge=0, le=1)
     angle_deg: float = Field(ge=0, le=45)
@@ -128,6 +129,14 @@ class CampaignFile(Strict):
     encoding: Literal["srgb", "linear"] = "srgb"
     noise_dn: float = Field(default=0.0, ge=0, le=100)
     tolerance: Tolerance | None = None
+
+    @field_validator("tolerance", mode="before")
+    @classmethod
+    def words(cls, value):
+        """Take ``exact`` for zeros and ``unknown`` for None."""
+        if isinstance(value, str) and value not in TOLERANCE_WORDS:
+            raise ValueError("a mapping of position_m and angle_deg is allowed, or one of the words exact, unknown")
+        return TOLERANCE_WORDS[value] if isinstance(value, str) else value
 
     @model_validator(mode="after")
     def one_rig(self):
@@ -305,6 +314,20 @@ def place_name(height_m, tilt_deg):
     return f"h{1000 * height_m:04.10g}_t{tilt_deg:.10g}".replace("-", "m").replace("+", "").replace(".", "p")
 
 
+def check_tolerance(path, tolerance, captures):
+    """Raise InputError where captures are at stations and campaign.yaml, at ``path``, does not say how well these are known.
+
+    No default would do: taken for exact, a station that is off would pass for an effect; for unknown, none would be named.
+    """
+    stations = captures[captures.height_m.notna()]
+    if tolerance is None and len(stations):
+        raise InputError(
+            f"{path}: tolerance is missing, but captures are at stations ({stations.capture.iloc[0]} is the first); write "
+            "how well these are known, one standard deviation per axis, as `tolerance: {position_m: 0.002, angle_deg: "
+            "0.2}`, or `tolerance: exact`, or `tolerance: unknown`"
+        )
+
+
 def load_campaign(folder):
     """Return the Campaign in a folder; raises InputError at the first departure from the format."""
     folder = Path(folder)
@@ -313,11 +336,13 @@ def load_campaign(folder):
     if not folder.is_dir():
         raise InputError(f"{folder}: no such campaign folder{_dvc_hint(folder)}")
     path = inside(folder, "campaign.yaml", f"{folder}: campaign.yaml")
+    described = load_yaml(path)
     try:
-        file = CampaignFile.model_validate(load_yaml(path))
+        file = CampaignFile.model_validate(described)
     except ValidationError as error:
         raise InputError(validation_message(path, error, CampaignFile)) from None
     captures = read_captures(inside(folder, file.captures, f"{path}: captures"), folder, file.cameras)
+    check_tolerance(path, described.get("tolerance"), captures)
     markers = pd.DataFrame(columns=["dictionary", "id", "code_m", "plate_m", "x", "y", "z", "rx", "ry", "rz"])
     if file.markers:
         markers = read_markers(inside(folder, file.markers, f"{path}: markers"))

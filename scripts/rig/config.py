@@ -6,11 +6,11 @@ from them by ``python scripts/generate_config.py``.
 
 from typing import Annotated, Literal
 
-import yaml
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from ruamel.yaml.error import YAMLError
 
 from rig.errors import InputError
-from rig.safe_yaml import validation_message
+from rig.safe_yaml import reader, validation_message
 
 
 def _null(value):
@@ -30,8 +30,8 @@ def _as_in_a_file(value):
     if not isinstance(value, str):
         return value
     try:
-        read = yaml.safe_load(value)
-    except yaml.YAMLError:
+        read = reader().load(value)
+    except (YAMLError, ValueError):
         return value
     return read if read is None or isinstance(read, bool | int | float) else value
 

@@ -1,11 +1,14 @@
 """Open images from strangers: size and completeness are checked before anything is decoded."""
 
 import struct
+import warnings
 import zlib
 from pathlib import Path
 
 import cv2
 import numpy as np
+from PIL.ExifTags import Base
+from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
 from rig.errors import InputError
 
@@ -14,7 +17,6 @@ UNPACKED_AT_ONCE = 1 << 20
 PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 PNG_START = b"\x89PNG\r\n\x1a\n"
 PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # samples a pixel by colour type; a palette's index is one
-TIFF_ORIENTATION = 274
 HOW = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
 
 
@@ -35,8 +37,8 @@ def read_header(path):
             if head[:2] == b"\xff\xd8":
                 return _jpeg_header(file)
             if head[:4] in (b"II*\0", b"MM\0*"):
-                return _tiff_header(path, file, "<" if head[:2] == b"II" else ">")
-        except (struct.error, KeyError, IndexError):
+                return _tiff_header(path, file)
+        except (struct.error, LookupError, TypeError, SyntaxError):
             raise InputError(f"{path}: its header is broken or cut off") from None
     raise InputError(f"{path}: not a PNG, JPEG or TIFF image")
 
@@ -59,26 +61,19 @@ def _jpeg_header(file):
         file.seek(length - 2, 1)
 
 
-def _tiff_header(path, file, order):
-    file.seek(4)
-    (offset,) = struct.unpack(order + "I", file.read(4))
-    file.seek(offset)
-    (entries,) = struct.unpack(order + "H", file.read(2))
-    tags = {258: 1, 277: 1, TIFF_ORIENTATION: 1}
-    for _ in range(entries):
-        tag, kind, count, value = struct.unpack(order + "HHI4s", file.read(12))
-        if kind == 3 and count <= 2:
-            tags[tag] = struct.unpack(order + "H", value[:2])[0]
-        elif kind == 4 and count == 1:
-            tags[tag] = struct.unpack(order + "I", value)[0]
-        elif tag == 258:
-            here = file.tell()
-            file.seek(struct.unpack(order + "I", value)[0])
-            tags[258] = struct.unpack(order + "H", file.read(2))[0]
-            file.seek(here)
-    if tags[TIFF_ORIENTATION] != 1:  # OpenCV turns these, whatever it is told
-        raise InputError(f"{path}: a turned TIFF (orientation {tags[TIFF_ORIENTATION]}); only upright ones are read")
-    return tags[256], tags[257], tags[258], tags[277]
+def _tiff_header(path, file):
+    file.seek(0)
+    tags = ImageFileDirectory_v2(file.read(8))
+    with warnings.catch_warnings(action="ignore"):  # a tag that is cut off is missing, and that is said
+        file.seek(tags.next)
+        tags.load(file)
+    width, height, channels = tags[Base.ImageWidth], tags[Base.ImageLength], tags.get(Base.SamplesPerPixel, 1)
+    bits, turned = tags.get(Base.BitsPerSample, (1,))[0], tags.get(Base.Orientation, 1)
+    if not all(isinstance(v, int) for v in (width, height, bits, channels)):
+        raise KeyError
+    if turned != 1:  # OpenCV turns these, whatever it is told
+        raise InputError(f"{path}: a turned TIFF (orientation {turned}); only upright ones are read")
+    return width, height, bits, channels
 
 
 def check_complete(path, data):

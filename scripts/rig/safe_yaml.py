@@ -4,8 +4,11 @@ from pathlib import Path
 from types import UnionType
 from typing import get_args
 
-import yaml
 from pydantic import BaseModel
+from ruamel.yaml import YAML
+from ruamel.yaml.constructor import ConstructorError, SafeConstructor
+from ruamel.yaml.error import YAMLError
+from ruamel.yaml.events import AliasEvent
 
 from rig.errors import InputError
 
@@ -13,23 +16,21 @@ LARGEST_BYTES = 1_000_000
 LONGEST_SHOWN = 80
 
 
-class _PlainLoader(yaml.SafeLoader):
-    pass
-
-
-def _mapping(loader, node, deep=False):
-    seen = set()
-    for key_node, _ in node.value:
-        key = loader.construct_object(key_node, deep=True)
+class _PlainConstructor(SafeConstructor):
+    def check_mapping_key(self, node, key_node, mapping, key, value):
+        """Raise ConstructorError for a key that is neither a word nor a whole number, and for one that stands twice."""
         if not isinstance(key, str | int):
-            raise yaml.constructor.ConstructorError(None, None, f"key {key!r} is not a word", key_node.start_mark)
-        if key in seen:
-            raise yaml.constructor.ConstructorError(None, None, f"key {key!r} stands twice", key_node.start_mark)
-        seen.add(key)
-    return yaml.SafeLoader.construct_mapping(loader, node, deep=True)
+            raise ConstructorError(None, None, f"key {key!r} is not a word", key_node.start_mark)
+        if key in mapping:
+            raise ConstructorError(None, None, f"key {key!r} stands twice", key_node.start_mark)
+        return True
 
 
-_PlainLoader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
+def reader():
+    """Return a reader of YAML 1.2 that makes plain data and nothing else: ``load`` of a text raises YAMLError, ValueError."""
+    yaml = YAML(typ="safe", pure=True)
+    yaml.Constructor = _PlainConstructor
+    return yaml
 
 
 def load_yaml(path):
@@ -43,12 +44,12 @@ def load_yaml(path):
         raise InputError(f"{path}: {path.stat().st_size} bytes; at most {LARGEST_BYTES} are read")
     try:
         text = path.read_text(encoding="utf-8")
-        if any(isinstance(event, yaml.events.AliasEvent) for event in yaml.parse(text, Loader=_PlainLoader)):
+        if any(isinstance(event, AliasEvent) for event in reader().parse(text)):
             raise InputError(f"{path}: YAML aliases (*name) are not allowed")
-        data = yaml.load(text, Loader=_PlainLoader)  # noqa: S506 - a SafeLoader
+        data = reader().load(text)
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not UTF-8 text ({error.reason})") from None
-    except yaml.YAMLError as error:
+    except YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         where = f", line {mark.line + 1}" if mark else ""
         raise InputError(f"{path}{where}: {getattr(error, 'problem', None) or error}") from None

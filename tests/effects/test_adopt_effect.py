@@ -1,7 +1,10 @@
 """Adopting is one command, keeps what people wrote, and leaves nothing half-written."""
 
 import json
+import os
 import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -32,6 +35,19 @@ effects:
   - effect: colour_balance
     parameters:
       red_gain: 1.10
+"""
+
+
+SCRIPTS = Path(adopt_effect.__file__).parent
+CLOSED = "error: standard output: what reads it has closed it\n"
+# In Snakemake's place: a diagnosis that knows the twin it was made for, and goes on with another effect.
+DIAGNOSING = """
+import json, pathlib
+diagnosis = pathlib.Path("results/c/diagnosis/cam.json")
+told = json.loads(diagnosis.read_text())
+steps = told["steps"] + [told["steps"][0] | {"effect": "exposure", "parameters": {"scale": {"value": 1.1, "se": 0.01}}}]
+twin = pathlib.Path("config/twins/c/cam.yaml").read_text()
+diagnosis.write_text(json.dumps(told | {"steps": steps, "made_for": twin}))
 """
 
 
@@ -165,3 +181,53 @@ def test_auto_climbs_until_nothing_is_left(place, monkeypatch, capsys):
     said = capsys.readouterr().out
     assert "verdict on cam is now: adequate" in said
     assert "expose_twin x 1, render_stations x 2" in said and "Nothing is rendered" not in said
+
+
+@pytest.fixture
+def project(place):
+    """Return the folder of ``place`` with a campaign in it that can be diagnosed again by another process."""
+    folder = place.parents[3]
+    (folder / "data/raw/c").mkdir(parents=True)
+    (folder / "data/raw/c/campaign.yaml").write_text("name: c\n")
+    (folder / "snakemake.py").write_text(DIAGNOSING)
+    return folder
+
+
+def piped(project, *command, lines=0):
+    """Run Python in a process of its own; close its standard output after ``lines`` lines; return (status, stderr)."""
+    reading, writing = os.pipe()
+    if not lines:
+        os.close(reading)
+    command = [sys.executable, *command]
+    buffered = {k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"}
+    process = subprocess.Popen(command, cwd=project, env=buffered, stdout=writing, stderr=subprocess.PIPE, text=True)
+    os.close(writing)
+    if lines:
+        with open(reading) as output:
+            for _ in range(lines):
+                output.readline()
+    return process.wait(), process.stderr.read()
+
+
+@pytest.mark.parametrize(("lines", "adopted"), [(0, []), (1, ["ink_spread", "lens_blur"])])
+def test_a_closed_pipe_ends_a_climb_between_whole_adoptions(place, project, lines, adopted):
+    """Fails if `--auto | head` leaves an effect in the twin's file that the diagnosis does not know."""
+    status, said = piped(project, adopt_effect.__file__, "cam", "--auto", "--campaign", "c", lines=lines)
+    assert (status, said) == (1, CLOSED)
+    assert [n for n, _ in load_twin(place).effects] == adopted
+    diagnosis = json.loads((project / "results/c/diagnosis/cam.json").read_text())
+    assert diagnosis.get("made_for") == (place.read_text() if adopted else None)
+
+
+def test_an_adoption_that_nobody_reads_of_is_whole(place, project):
+    """Fails if the interpreter flushes to a closed pipe as it ends: a traceback, and status 120."""
+    said = piped(project, adopt_effect.__file__, "cam", "lens_blur", "--campaign", "c")
+    assert said == (1, CLOSED)
+    assert dict(load_twin(place).effects) == {"lens_blur": {"sigma_px": 0.8312}}
+
+
+def test_bad_input_stays_the_message_where_the_pipe_is_closed_too(project):
+    """Fails if what was printed before is flushed as the interpreter ends."""
+    code = "import job\njob.set_up_log()\nwith job.one_message():\n print('x')\n raise job.InputError('y')"
+    (project / "told.py").write_text(f"import sys\nsys.path.insert(0, {str(SCRIPTS)!r})\n{code}\n")
+    assert piped(project, "told.py") == (1, "error: y\n")

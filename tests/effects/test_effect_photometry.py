@@ -180,6 +180,21 @@ def test_expected_jpeg_is_the_library_s_but_for_its_whole_numbers(channels, full
         assert channels == 1 or np.sqrt((right**2).mean()) < 0.6 * np.sqrt((other**2).mean())
 
 
+# ITU-T T.81, tables K.1 and K.2
+K1 = """16 11 10 16 24 40 51 61  12 12 14 19 26 58 60 55  14 13 16 24 40 57 69 56  14 17 22 29 51 87 80 62
+18 22 37 56 68 109 103 77  24 35 55 64 81 104 113 92  49 64 78 87 103 121 120 101  72 92 95 98 112 100 103 99"""
+K2 = "17 18 24 47 99 99 99 99  18 21 26 66 99 99 99 99  24 26 56 99 99 99 99 99  47 66 99 99 99 99 99 99" + 32 * " 99"
+
+
+@pytest.mark.parametrize("quality", range(1, 101))
+def test_jpegs_tables_are_the_standards_scaled_as_libjpeg_does(quality):
+    """Fails if a table stays in the file's order (zigzag), or if brightness and colour are exchanged."""
+    scale = 5000 // quality if quality < 50 else 200 - 2 * quality
+    for table, text in zip(jpeg_compression.tables(quality), (K1, K2), strict=True):
+        standard = np.array(text.split(), int).reshape(8, 8)
+        assert (table == np.clip((standard * scale + 50) // 100, 1, 255)).all()
+
+
 def test_expected_jpeg_minds_the_sensor_s_noise_too():
     """A codec that knew the declared noise alone would give one step, or the next, where repeats are spread over several."""
     sensor = ("sensor_noise", {"gain_dn_per_e": 0.2, "read_noise_dn": 2.0})

@@ -7,7 +7,7 @@ import pytest
 from register_captures import Markers, register_markers
 from rig.geometry import camera_matrix, perturb_pose, project, station_pose
 from rig.plates import marker_corners_world
-from rig.registration import NO_PRIOR, pose_from_markers, register_pose, warp_real_to_twin
+from rig.registration import NO_PRIOR, pose_from_markers, prior_of, register_pose, warp_real_to_twin
 
 K = camera_matrix(600, 600, 399.5, 299.5)
 NOMINAL = station_pose(0.5, 35)
@@ -59,7 +59,7 @@ def test_the_prior_pulls_a_weak_capture():
 
 def test_a_tolerance_of_zero_keeps_the_station():
     """An exactly known station would be moved."""
-    _, _, _, T, _ = register_markers(seen(TRUE, PLACES), K, NOMINAL, np.full(6, 1e-9))
+    _, _, _, T, _ = register_markers(seen(TRUE, PLACES), K, NOMINAL, prior_of({"position_m": 0, "angle_deg": 0}))
     assert np.abs(T - NOMINAL).max() < 1e-6
 
 

@@ -4,8 +4,10 @@ import math
 
 import pytest
 
+from expand_tables import facts_of
 from rig.campaign import load_campaign
 from rig.errors import InputError
+from rig.registration import prior_of
 from shared_files import SHARED, shared
 from tiny_campaign import CAPTURES, MARKERS, lay_down
 
@@ -98,6 +100,11 @@ def test_a_link_out_of_the_campaign_is_refused(tmp_path):
         (lambda d: d.update(captures="../captures.csv"), ["captures", "inside"]),
         (lambda d: d.update(target={"type": "chessboard", "columns": 9, "rows": 6}), ["square_m"]),
         (lambda d: d["reflectance"].update(white=0.01), ["reflectance", "white"]),
+        (lambda d: d.update(tolerance="good"), ["tolerance", "'good'", "position_m", "exact", "unknown"]),
+        (lambda d: d["tolerance"].update(angle_deg=-1), ["tolerance.angle_deg", "'-1'"]),
+        (lambda d: d["tolerance"].pop("angle_deg"), ["tolerance.angle_deg", "required"]),
+        (lambda d: d["tolerance"].update(tilt_deg=1), ["tolerance.tilt_deg", "unknown key", "angle_deg"]),
+        (lambda d: d.update(tolerance=0.1), ["tolerance", "'0.1'"]),
     ],
 )
 def test_a_bad_description_is_named(tmp_path, change, words):
@@ -108,11 +115,47 @@ def test_a_bad_description_is_named(tmp_path, change, words):
         assert word in str(error.value)
 
 
+@pytest.mark.parametrize("write", [lambda d: d.pop("tolerance"), lambda d: d.update(tolerance=None)])
+def test_stations_without_a_tolerance_are_refused(tmp_path, write):
+    """Fails if an absent tolerance is taken for unknown or for exact: a mount would never be named, or always."""
+    with pytest.raises(InputError) as error:
+        load_campaign(lay_down(tmp_path / "c", describe=write))
+    for word in ["campaign.yaml", "tolerance", "left_a", "position_m", "angle_deg", "exact", "unknown"]:
+        assert word in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("written", "sigma"),
+    [
+        ({"position_m": 0.002, "angle_deg": 0.2}, [math.radians(0.2)] * 3 + [0.002] * 3),
+        ({"position_m": 0.0, "angle_deg": 0.2}, [math.radians(0.2)] * 3 + [1e-9] * 3),
+        ("exact", [1e-9] * 6),
+        ("unknown", [math.inf] * 6),
+    ],
+)
+def test_a_tolerance_becomes_the_poses_prior(tmp_path, written, sigma):
+    """Fails if `exact` and `unknown` are taken for each other, degrees for radians, or zero for a division by zero."""
+    campaign = lay_down(tmp_path / "c", describe=lambda d: d.update(tolerance=written))
+    assert prior_of(facts_of(load_campaign(campaign).file)["tolerance"]).tolist() == sigma
+
+
+def test_poses_without_a_station_need_no_tolerance(tmp_path):
+    """Fails if campaigns of poses in full or of unknown ones must write what they do not know."""
+    rows = ["p,left,images/left/a.png,1.5,0,0,0,0.3,0.7", "u,right,images/right/a.png,,,,,,"]
+    captures = "\n".join(["capture,camera,image,rx,ry,rz,tx,ty,tz", *rows]) + "\n"
+    campaign = lay_down(tmp_path / "c", describe=lambda d: d.pop("tolerance"), captures=captures)
+    assert (prior_of(facts_of(load_campaign(campaign).file)["tolerance"]) == math.inf).all()
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
         ("!!python/object/apply:os.system ['touch owned']", "line 1"),
-        ("name: a\nname: b\n", "line 2"),
+        ("name: a\nname: b\n", "line 2: key 'name' stands twice"),
+        ("name: {a: 1,\n a: 1}", "line 2: key 'a' stands twice"),
+        ("name: a\n? [1, 2]\n: b\n", "line 2: key .* is not a word"),
+        ("name: !!timestamp soon", "line 1"),
+        ("!!map [1]", "line 1"),
         ("a: &a [x, x]\nb: [*a, *a]\n", "aliases"),
         ("[" * 3000, "campaign.yaml"),
         ("- 1\n", "keys and values"),
@@ -128,6 +171,15 @@ def test_hostile_yaml_ends_in_one_message(tmp_path, text, words):
     (campaign / "campaign.yaml").write_bytes(text.encode("latin-1"))
     with pytest.raises(InputError, match=words):
         load_campaign(campaign)
+
+
+def test_numbers_with_an_exponent_are_numbers(tmp_path):
+    """Fails if YAML is read as its version 1.1, which takes 2e-3 for text (and `no` for a bool)."""
+    campaign = lay_down(tmp_path / "c", describe=lambda d: d.update(name="no"))
+    description = campaign / "campaign.yaml"
+    description.write_text(description.read_text().replace("0.002", "2e-3").replace("'no'", "no"))
+    file = load_campaign(campaign).file
+    assert (file.name, file.tolerance.position_m) == ("no", 0.002)
 
 
 def test_a_board_with_more_markers_than_its_dictionary_is_refused(tmp_path):

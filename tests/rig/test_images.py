@@ -122,6 +122,36 @@ def test_a_turned_tiff_is_refused(tmp_path):
         read_image(path)
 
 
+@pytest.mark.parametrize("name", ["a.tif", "a.jpg"])
+def test_other_depths_are_named(tmp_path, name):
+    """Fails if a TIFF of floats or a JPEG of 12 bits is called broken, as Pillow's own readers would have it."""
+    path = tmp_path / name
+    cv2.imwrite(str(path), COLOUR.astype(np.float32) if name == "a.tif" else COLOUR)
+    content = bytearray(path.read_bytes())
+    if name == "a.jpg":
+        content[content.index(b"\xff\xc0") + 4] = 12
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=f"{name}: (12|32) bits a channel; 8 or 16 are read"):
+        read_image(path)
+
+
+@pytest.mark.parametrize("kind", ["grey 8", "grey 16", "colour 8", "colour 16", "alpha 8", "big-endian 16", "LZW"])
+def test_the_tiffs_that_cameras_write_are_read(tmp_path, kind):
+    """Fails if the reader of headers knows fewer kinds than OpenCV, which reads the pixels."""
+    path = tmp_path / "a.tif"
+    grey, deep = COLOUR[..., 0], COLOUR.astype(np.uint16) * 257
+    pixels = {"grey 8": grey, "grey 16": deep[..., 0], "colour 16": deep, "alpha 8": np.dstack([COLOUR, grey])}
+    if kind == "big-endian 16":
+        Image.frombytes("I;16B", (80, 60), deep[..., 0].astype(">u2").tobytes()).save(path)
+    elif kind == "LZW":
+        Image.fromarray(grey).save(path, compression="tiff_lzw")
+    else:
+        cv2.imwrite(str(path), pixels.get(kind, COLOUR))
+    image = read_image(path, (80, 60))
+    assert image.dtype == (np.uint16 if "16" in kind else np.uint8)
+    assert (image == (deep if "16" in kind else COLOUR)[..., : 3 if image.ndim == 3 else 1].reshape(image.shape)).all()
+
+
 def test_formats_that_campaigns_do_not_have_are_left_to_opencv(tmp_path):
     """`detect_markers.py` is for any images."""
     path = tmp_path / "a.bmp"
