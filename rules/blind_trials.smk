@@ -1,8 +1,9 @@
-"""Blind trials: campaigns with something hidden are laid down, diagnosed without the truth, and their envelopes opened.
+"""Blind trials: campaigns with something hidden are generated, measured, diagnosed without the truth, and counted against it.
 
     snakemake --cores 2 blind_trials --config "blind_trials={single: 58, none: 20}"
 
-Makes: results/blind_trials/ (trials.csv, summary.csv and .md, confusion.csv and .png, parameters.csv, power.csv). The
+Makes: results/blind_trials/ (trials.csv, summary.csv and .md, confusion.csv and .png, parameters.csv, power.csv), and
+in observations/ what was measured: an edited rule of the diagnosis is replayed from there, without images. The
 generator (tests/bench/generator) shares no image formation with the effects; see docs/blind-trials.md.
 """
 
@@ -10,20 +11,21 @@ TRIALS_FOLDER = "results/blind_trials"
 TRIALS_SEED = config["blind_trials"]["seed"]
 TRIALS_SIZE = config["blind_trials"]["size"]
 TRIALS = names_of(config["blind_trials"], TRIALS_SEED, TRIALS_SIZE)
-GENERATOR_CODE = [
-    "tests/bench/lay_down_trials.py",
-    "tests/bench/trial_names.py",
-    *sorted(map(str, Path("tests/bench/generator").glob("*.py"))),
-]
-TRIAL_CODE = GAP_CODE + modules(
-    "diagnose_camera.py",
+GENERATOR_CODE = modules(
+    *[f"trials/{name}.py" for name in ("generate_trials", "trial_names")]
+) + sorted(map(str, Path("tests/bench/generator").glob("*.py")))
+OBSERVE_TRIAL_CODE = modules(
     "expand_tables.py",
     "register_captures.py",
-    "try_effect.py",
-    *[f"gap/{name}.py" for name in ("climb", "ladder", "next_station", "where")],
+    "trials/observe_trial.py",
     *[f"rig/{name}.py" for name in ("boards", "calibration", "campaign", "errors")],
     *[f"rig/{name}.py" for name in ("experiment", "images", "registration")],
     *[f"rig/{name}.py" for name in ("safe_yaml", "tables")],
+)
+TRIAL_CODE = GAP_CODE + modules(
+    "diagnose_camera.py",
+    "try_effect.py",
+    *[f"gap/{name}.py" for name in ("climb", "ladder", "next_station", "where")],
 )
 
 
@@ -34,14 +36,14 @@ rule blind_trials:
         f"The outcome is in {TRIALS_FOLDER}"
 
 
-rule lay_down_trial:
+rule generate_trial:
     input:
         code=GENERATOR_CODE,
     output:
         campaign=temp(directory(f"{TRIALS_FOLDER}/campaigns/{{trial}}")),
-        envelope=f"{TRIALS_FOLDER}/envelopes/{{trial}}/truth.json",
+        truth=f"{TRIALS_FOLDER}/truths/{{trial}}/truth.json",
     log:
-        f"{TRIALS_FOLDER}/logs/lay_down/{{trial}}.log",
+        f"{TRIALS_FOLDER}/logs/generate/{{trial}}.log",
     conda:
         "../envs/twingap.yaml"
     params:
@@ -51,16 +53,34 @@ rule lay_down_trial:
         size=TRIALS_SIZE,
         python=PYTHON,
     message:
-        "Laying down {wildcards.trial}"
+        "Generating {wildcards.trial}"
     shell:
-        "{params.python} tests/bench/lay_down_trials.py --out $(dirname {output.campaign}) --envelopes $(dirname $(dirname {output.envelope}))"
+        "{params.python} scripts/trials/generate_trials.py --out $(dirname {output.campaign}) --truths $(dirname $(dirname {output.truth}))"
         " --kind {params.kind} --first {params.index} --seed {params.seed:q} --size {params.size} > {log} 2>&1"
+
+
+rule observe_trial:
+    input:
+        campaign=f"{TRIALS_FOLDER}/campaigns/{{trial}}",
+        code=OBSERVE_TRIAL_CODE + GAP_CODE,
+    output:
+        directory(f"{TRIALS_FOLDER}/observations/{{trial}}"),
+    log:
+        f"{TRIALS_FOLDER}/logs/observe/{{trial}}.log",
+    conda:
+        "../envs/twingap.yaml"
+    params:
+        python=PYTHON,
+    message:
+        "Measuring {wildcards.trial}"
+    shell:
+        "{params.python} scripts/trials/observe_trial.py {input.campaign} --out {output} > {log} 2>&1"
 
 
 rule diagnose_trial:
     input:
-        campaign=f"{TRIALS_FOLDER}/campaigns/{{trial}}",
-        script="tests/bench/diagnose_trial.py",
+        observations=f"{TRIALS_FOLDER}/observations/{{trial}}",
+        script="scripts/trials/diagnose_trial.py",
         code=TRIAL_CODE,
         effect_code=modules(*[f"effects/{name}.py" for name in CANDIDATES]),
     output:
@@ -74,17 +94,40 @@ rule diagnose_trial:
     message:
         "What is hidden in {wildcards.trial}?"
     shell:
-        "{params.python} tests/bench/diagnose_trial.py {input.campaign} --out {output} > {log} 2>&1"
+        "{params.python} scripts/trials/diagnose_trial.py --replay {input.observations} --out {output} > {log} 2>&1"
 
 
-rule open_envelopes:
+rule fit_true_twin:
+    input:
+        observations=f"{TRIALS_FOLDER}/observations/{{trial}}",
+        truth=f"{TRIALS_FOLDER}/truths/{{trial}}/truth.json",
+        script="scripts/trials/true_twin.py",
+        code=TRIAL_CODE,
+        effect_code=modules(*[f"effects/{name}.py" for name in CANDIDATES]),
+    output:
+        f"{TRIALS_FOLDER}/true_twins/{{trial}}.json",
+    log:
+        f"{TRIALS_FOLDER}/logs/true_twin/{{trial}}.log",
+    conda:
+        "../envs/twingap.yaml"
+    params:
+        python=PYTHON,
+    message:
+        "Fitting the true effects of {wildcards.trial}"
+    shell:
+        "{params.python} scripts/trials/true_twin.py {input.observations} --truth {input.truth} --out {output} > {log} 2>&1"
+
+
+rule summarise_trials:
     input:
         verdicts=expand(f"{TRIALS_FOLDER}/verdicts/{{trial}}.json", trial=TRIALS),
-        envelopes=expand(
-            f"{TRIALS_FOLDER}/envelopes/{{trial}}/truth.json", trial=TRIALS
+        truths=expand(f"{TRIALS_FOLDER}/truths/{{trial}}/truth.json", trial=TRIALS),
+        true_twins=expand(
+            f"{TRIALS_FOLDER}/true_twins/{{trial}}.json",
+            trial=[name for name, (kind, _) in TRIALS.items() if kind == "whole"],
         ),
-        script="tests/bench/open_envelopes.py",
-        code=modules("job.py", "rig/errors.py", "rig/metrics.py"),
+        script="scripts/trials/summarise_trials.py",
+        code=modules("job.py", "rig/errors.py"),
     output:
         expand(
             f"{TRIALS_FOLDER}/{{table}}.csv",
@@ -94,14 +137,14 @@ rule open_envelopes:
         f"{TRIALS_FOLDER}/confusion.png",
         summary=f"{TRIALS_FOLDER}/summary.csv",
     log:
-        f"{TRIALS_FOLDER}/logs/open_envelopes.log",
+        f"{TRIALS_FOLDER}/logs/summarise_trials.log",
     conda:
         "../envs/twingap.yaml"
     params:
         python=PYTHON,
+        folder=TRIALS_FOLDER,
     message:
-        "Opening the envelopes"
+        "Counting the verdicts against the truth"
     shell:
-        "{params.python} tests/bench/open_envelopes.py --out $(dirname {output.summary})"
-        " --verdicts $(dirname {output.summary})/verdicts --envelopes $(dirname {output.summary})/envelopes"
-        " > {log} 2>&1"
+        "{params.python} scripts/trials/summarise_trials.py --out {params.folder} --verdicts {params.folder}/verdicts"
+        " --truths {params.folder}/truths --true-twins {params.folder}/true_twins > {log} 2>&1"

@@ -9,7 +9,7 @@ import re
 import sys
 from pathlib import Path
 
-sys.path[:0] = ["scripts", "tests/bench"]
+sys.path[:0] = ["scripts"]
 
 from detectors import contract
 from expand_tables import facts_of
@@ -18,7 +18,7 @@ from rig.config import check_choice, check_config
 from rig.errors import InputError
 from rig.experiment import load_experiment
 from rig.images import check_captures
-from trial_names import names_of
+from trials.trial_names import names_of
 from verify_data import tracked_listing, tracked_md5
 
 LOCK = "envs/twingap.lock.txt"

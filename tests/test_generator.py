@@ -5,7 +5,6 @@ nothing revealed.
 import csv
 import itertools
 import json
-import sys
 from pathlib import Path
 
 import cv2
@@ -14,13 +13,13 @@ import pytest
 import yaml
 from PIL import Image
 
-from rig.campaign import load_campaign
-
-sys.path.insert(0, str(Path(__file__).parent / "bench"))
-
-import lay_down_trials
 from generator import LIBRARY, OUTSIDE, draw_effect, generate_campaign, nominal, optics, rays, tracer
 from generator.campaign import CampaignCamera, plate_maps
+from generator.processing import drawn_order, process
+from job_inputs import names_imported
+from rig.campaign import load_campaign
+from trials import generate_trials
+from trials.trial_names import names_of
 
 CAMERA = nominal.Camera("hp325", 480, 270, 369.5)
 TINY = nominal.CAMERAS["tiny"][0]
@@ -251,9 +250,9 @@ def test_a_campaign_is_complete_and_tells_nothing(tmp_path):
     """The folder holds what the format asks for, images fit the tables, and neither name nor files tell
     what is hidden.
     """
-    out, envelopes = tmp_path / "out", tmp_path / "envelopes"
-    where = ["--out", str(out), "--envelopes", str(envelopes)]
-    lay_down_trials.main([*where, "--kind", "single", "--count", "2", "--seed", "x", "--size", "tiny"])
+    out, truths = tmp_path / "out", tmp_path / "truths"
+    where = ["--out", str(out), "--truths", str(truths)]
+    generate_trials.main([*where, "--kind", "single", "--count", "2", "--seed", "x", "--size", "tiny"])
     folders = sorted(p for p in out.iterdir())
     assert len(folders) == 2
     for folder in folders:
@@ -271,7 +270,7 @@ def test_a_campaign_is_complete_and_tells_nothing(tmp_path):
         files = {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()}
         tables = {"campaign.yaml", "captures.csv", "markers.csv"}
         assert files == tables | {r["image"] for r in rows}
-        truth = json.loads((envelopes / folder.name / "truth.json").read_text())
+        truth = json.loads((truths / folder.name / "truth.json").read_text())
         (hidden,) = truth["effects"]
         for table in tables:
             assert hidden["effect"] not in (folder / table).read_text()
@@ -298,17 +297,17 @@ def test_every_effect_is_dealt_equally_often():
     """58 single trials hide each of the 29 twice, pairs are two different ones; else some effect is
     never tried.
     """
-    names = [lay_down_trials.hidden_effects("single", i, "s")[0] for i in range(58)]
+    names = [generate_trials.hidden_effects("single", i, "s")[0] for i in range(58)]
     assert sorted(names) == sorted([*LIBRARY, *LIBRARY]) and len(LIBRARY) == 29
-    assert all(len(set(lay_down_trials.hidden_effects("pair", i, "s"))) == 2 for i in range(100))
-    assert lay_down_trials.hidden_effects("none", 3, "s") == []
-    assert {lay_down_trials.hidden_effects("outside", i, "s")[0] for i in range(10)} == set(OUTSIDE)
+    assert all(len(set(generate_trials.hidden_effects("pair", i, "s"))) == 2 for i in range(100))
+    assert generate_trials.hidden_effects("none", 3, "s") == []
+    assert {generate_trials.hidden_effects("outside", i, "s")[0] for i in range(10)} == set(OUTSIDE)
 
 
 def test_power_trials_share_their_draw(tmp_path):
     """The strengths of one effect differ in strength alone; else a power curve mixes two causes."""
     truths = [
-        lay_down_trials.lay_down_trial(tmp_path / "o", tmp_path / "e", "power", i, "s", "lens_blur", size="tiny")[1]
+        generate_trials.generate_trial(tmp_path / "o", tmp_path / "e", "power", i, "s", "lens_blur", size="tiny")[1]
         for i in range(3)
     ]
     sigmas = [t["effects"][0]["parameters"]["sigma_px"] for t in truths]
@@ -317,23 +316,27 @@ def test_power_trials_share_their_draw(tmp_path):
 
 def test_the_generator_shares_no_code_with_the_project():
     """No import of the project's modules; else a trial would be an inverse crime."""
-    bench = Path(__file__).parent / "bench"
-    for file in [bench / "lay_down_trials.py", *(bench / "generator").glob("*.py")]:
-        for line in file.read_text().splitlines():
-            words = line.split()
-            if words[:1] in (["import"], ["from"]):
-                assert words[1].split(".")[0] not in {"rig", "effects", "gap", "blender", "detectors", "job"}
+    bench, scripts = Path(__file__).parent / "bench", Path(__file__).parents[1] / "scripts"
+    own = {path.stem for path in scripts.iterdir()}
+    assert {"rig", "effects", "gap", "job", "trials"} <= own
+    for file in (bench / "generator").glob("*.py"):
+        assert not {name.split(".")[0] for name in names_imported(file.read_text())} & own
+    generate = names_imported((scripts / "trials/generate_trials.py").read_text())
+    assert {name for name in generate if name.split(".")[0] in own} == {
+        "trials.trial_names",
+        *(f"trials.trial_names.{name}" for name in ("KINDS", "POWER_STRENGTHS", "identity")),
+    }
 
 
-def test_unknown_effects_and_open_envelopes_are_refused(tmp_path):
-    """A misspelt effect or an envelope among the campaigns stops with words; else a trial hides nothing
+def test_unknown_effects_and_open_truths_are_refused(tmp_path):
+    """A misspelt effect or a truth among the campaigns stops with words; else a trial hides nothing
     or tells all.
     """
     with pytest.raises(ValueError, match="lens_blurr"):
         generate_campaign(tmp_path / "c", tmp_path / "e", [("lens_blurr", {})], "s", "tiny")
     assert not (tmp_path / "c").exists()
     with pytest.raises(SystemExit):
-        lay_down_trials.main(["--out", str(tmp_path), "--envelopes", str(tmp_path / "e"), "--kind", "none",
+        generate_trials.main(["--out", str(tmp_path), "--truths", str(tmp_path / "e"), "--kind", "none",
                               "--seed", "s"])  # fmt: skip
 
 
@@ -352,3 +355,77 @@ def test_effects_of_one_stage_work_together(names, tmp_path):
     both = photograph(effects)
     for name in names:
         assert np.sqrt(np.mean((both - photograph({name: effects[name]})) ** 2)) > 0.7
+
+
+def test_the_curves_place_is_drawn_where_it_meets_a_filter():
+    """Every order comes, denoising before sharpening, the same for the same seed; else only one kind of camera is tried."""
+    effects = dict.fromkeys(("denoising", "sharpening", "tone_curve", "lens_blur"), {})
+    orders = {tuple(drawn_order(effects, f"seed {k}")) for k in range(40)}
+    assert orders == {
+        ("tone_curve", "denoising", "sharpening"),
+        ("denoising", "tone_curve", "sharpening"),
+        ("denoising", "sharpening", "tone_curve"),
+    }
+    both = {tuple(drawn_order({"tone_curve": {}, "sharpening": {}}, f"seed {k}")) for k in range(40)}
+    assert both == {("tone_curve", "sharpening"), ("sharpening", "tone_curve")}
+    assert all(drawn_order(effects, f"seed {k}") == drawn_order(effects, f"seed {k}") for k in range(10))
+    for names in (["denoising"], ["sharpening"], ["tone_curve"], ["denoising", "sharpening"]):
+        assert drawn_order(dict.fromkeys(names, {}), "s") == names
+
+
+def test_steps_are_taken_in_the_order_of_the_truth(tmp_path):
+    """An edge sharpened before the curve is another than one after it, and the campaign's is the one that the truth tells."""
+    effects = {name: draw_effect(name, 1, TINY, "seed") for name in ("sharpening", "tone_curve")}
+    edge = np.zeros((8, 20, 3), np.float32) + np.where(np.arange(20) < 10, 60, 180)[:, None]
+    curve_last = process(process(edge, effects, ["sharpening"]), effects, ["tone_curve"])
+    assert np.abs(process(edge, effects, ["sharpening", "tone_curve"]) - curve_last.astype(int)).max() <= 1
+    assert np.abs(process(edge, effects, ["tone_curve", "sharpening"]) - curve_last.astype(int)).max() > 2
+    seeds = {drawn_order(effects, f"s{k}")[0]: f"s{k}" for k in range(20)}
+    images = {}
+    for first, seed in seeds.items():
+        truth = generate_campaign(tmp_path / first, tmp_path / "e", list(effects.items()), seed, "tiny")
+        assert truth["order"][0] == first
+        rig = CampaignCamera(TINY, effects, seed)
+        rotation, centre = pose()
+        images[first] = [rig.photograph(rotation, centre, "c")]
+        rig.order = rig.order[::-1]
+        images[first].append(rig.photograph(rotation, centre, "c"))
+    assert len(images) == 2 and all((a != b).any() for a, b in images.values())
+
+
+def test_whole_cameras_are_plausible():
+    """Four to nine names, so many of each part, none that are alike, every effect of the parts now and then; else a
+    trial asks for what no one could tell.
+    """
+    drawn = [generate_trials.hidden_effects("whole", k, "s") for k in range(300)]
+    for names in drawn:
+        assert 4 <= len(names) <= 9 and len(set(names)) == len(names) and set(names) <= set(LIBRARY)
+        assert 2 <= len({"radial_distortion", "vignetting", "lens_blur", "defocus", "field_curvature",
+                         "lateral_chromatic_aberration", "principal_point", "focal_length"} & set(names)) <= 4  # fmt: skip
+        assert len({"lens_blur", "defocus", "field_curvature"} & set(names)) <= 1
+        assert not {"focal_length", "camera_pose_offset"} <= set(names)
+        assert not {"tone_curve", "exposure"} <= set(names)
+    assert {len(names) for names in drawn} == {4, 5, 6, 7, 8, 9}
+    assert set(LIBRARY) - {name for names in drawn for name in names} == {
+        "tangential_distortion",
+        "motion_blur",
+        "local_warp",
+    }
+
+
+def test_a_whole_camera_repeats_and_tells_its_strengths(tmp_path):
+    """Names, strengths and bytes hang on seed, kind and index alone; parameters are those of the strengths that are told."""
+    for k in (1, 2):
+        name, truth = generate_trials.generate_trial(
+            tmp_path / f"o{k}", tmp_path / f"t{k}", "whole", 0, "s", size="tiny"
+        )
+    assert names_of({k: 0 for k in ("single", "pair", "none", "outside", "power")} | {"whole": 1}, "s", "tiny") == {
+        name: ("whole", 0)
+    }
+    files = [p.relative_to(tmp_path / "o1") for p in (tmp_path / "o1").rglob("*") if p.is_file()]
+    assert len(files) == 7
+    assert all((tmp_path / "o1" / f).read_bytes() == (tmp_path / "o2" / f).read_bytes() for f in files)
+    assert list(truth["strengths"]) == [e["effect"] for e in truth["effects"]]
+    assert all(0.25 <= s <= 1 for s in truth["strengths"].values()) and len(set(truth["strengths"].values())) > 1
+    for e in truth["effects"]:
+        assert e["parameters"] == draw_effect(e["effect"], truth["strengths"][e["effect"]], TINY, truth["seed_name"])

@@ -1,6 +1,6 @@
 """What a verdict costs: ``python tests/bench/bench_diagnose.py [--effects NAME ...]``.
 
-Lays down one campaign an effect (20 captures of half a megapixel, one camera; nothing is hidden in ``nothing``) and times
+Generates one campaign an effect (20 captures of half a megapixel, one camera; nothing is hidden in ``nothing``) and times
 ``snakemake --cores 2 diagnose`` of it, all candidates, in a copy of the project; with the largest memory of any one process.
 """
 
@@ -17,7 +17,7 @@ sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests"), str(ROOT / "tests/be
 
 import pandas as pd
 
-from lay_down_trials import lay_down_trial
+from trials.generate_trials import generate_trial
 from workflow_runs import copy_project, snakemake
 
 NOTHING = "nothing"
@@ -28,7 +28,7 @@ LONGEST_S = 3600
 def timed(folder, project, effect):
     """Return a row: what is hidden, the verdict, its seconds."""
     kind, hidden = ("none", None) if effect == NOTHING else ("single", effect)
-    name, _ = lay_down_trial(folder / "campaigns", folder / "envelopes", kind, 0, "cost", hidden)
+    name, _ = generate_trial(folder / "campaigns", folder / "truths", kind, 0, "cost", hidden)
     start = time.perf_counter()
     status, said = snakemake(
         project, "--cores", 2, "diagnose", "--config", f"campaign={folder / 'campaigns' / name}", timeout_s=LONGEST_S

@@ -1,19 +1,14 @@
 """Cases for the gap's tests: generated campaigns (an image formation of their own) read into gap.case.Case."""
 
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "bench"))
-
 from case_files import load_case, read_capture
 from expand_tables import expand_tables
-from lay_down_trials import lay_down_trial
 from register_captures import register_captures
+from trials.generate_trials import generate_trial
 
 
 def generated_case(folder, kind, effect=None, seed="gap tests", strength=1.0, index=0, size="small"):
-    """Return (Case with everything measured, truth) of a generated campaign laid down in a folder."""
-    name, truth = lay_down_trial(
+    """Return (Case with everything measured, truth) of a campaign generated in a folder."""
+    name, truth = generate_trial(
         folder / "c", folder / "e", kind, index, seed, effect=effect, strength=strength, size=size
     )
     campaign = folder / "c" / name

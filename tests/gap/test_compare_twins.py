@@ -1,18 +1,14 @@
 """Tables before and after: the twin with the right effect has to lie nearer to the captures than the ideal one."""
 
 import json
-import sys
-from pathlib import Path
 
 import pandas as pd
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "bench"))
 
 from compare_twins import compare_twins, twins_of
 from detect_captures import detect_captures
 from expand_tables import expand_tables
-from lay_down_trials import lay_down_trial
 from register_captures import register_captures
+from trials.generate_trials import generate_trial
 
 
 def test_explained_twin_has_what_was_adopted_and_what_is_named():
@@ -37,7 +33,7 @@ def test_undiagnosed_camera_keeps_its_ideal_twin():
 
 def test_distances_agree_after_a_hidden_focal_length_was_named(tmp_path):
     """Twins that are swapped, or drawn without their effects, would not move the distances from off to right."""
-    name, truth = lay_down_trial(tmp_path / "c", tmp_path / "e", "single", 0, "compare", "focal_length", size="small")
+    name, truth = generate_trial(tmp_path / "c", tmp_path / "e", "single", 0, "compare", "focal_length", size="small")
     campaign, expand = tmp_path / "c" / name, tmp_path / "expand"
     expand_tables(campaign, None, None, expand)
     camera = next((campaign / "images").iterdir()).name

@@ -1,5 +1,5 @@
-"""One campaign: the plates as they really stand, every capture formed and written, the truth laid in an
-envelope.
+"""One campaign: the plates as they really stand, every capture formed and written, the truth sealed in a folder
+of its own.
 """
 
 import json
@@ -110,6 +110,7 @@ class CampaignCamera:
         channels = (0, 1, 2) if "lateral_chromatic_aberration" in effects else (1,)
         self.grids = [rays.corner_grid(camera, effects, c, self.margin, self.fine) for c in channels]
         self.plates = true_plates(effects, seed_name)
+        self.order = processing.drawn_order(effects, seed_name)
 
     def linear_light(self, rotation, centre):
         """Return linear light on the sensor (H, W, 1 or 3), noise-free, of a camera at ``rotation``
@@ -129,7 +130,7 @@ class CampaignCamera:
         own = nominal.rng_of("noise", self.seed_name, capture)
         encoded = sensor.read_out(self.linear_light(rotation, centre), self.camera, self.effects, shared, own)
         noise = own.standard_normal(encoded.shape, dtype=np.float32)
-        return processing.process(encoded + nominal.NOISE_DN * noise, self.effects)
+        return processing.process(encoded + nominal.NOISE_DN * noise, self.effects, self.order)
 
 
 def _captures(camera, size, seed_name):
@@ -169,22 +170,22 @@ def _write_tables(folder, camera, captures):
     (folder / "campaign.yaml").write_text(text, encoding="utf-8")
 
 
-def generate_campaign(folder, envelope, effects, seed_name, size="standard", camera=None, notes=None):
-    """Lay down one campaign in ``folder`` (its name becomes the campaign's) and its truth in
-    ``envelope``/truth.json.
+def generate_campaign(folder, truth_folder, effects, seed_name, size="standard", camera=None, notes=None):
+    """Generate one campaign in ``folder`` (its name becomes the campaign's) and its sealed truth in
+    ``truth_folder``/truth.json.
 
     ``effects``: list of (name, parameters in this generator's units, see ``draw_effect``). ``size``:
     ``standard`` (20 captures of half a megapixel), ``small`` (8 of 768 x 432), ``tiny`` (4 of 384 x 216).
     ``camera``: a name among that size's cameras (default: the first). ``notes``: further keys of the
-    envelope. Same arguments, same bytes.
+    truth. Same arguments, same bytes.
     """
-    folder, envelope = Path(folder), Path(envelope)
+    folder, truth_folder = Path(folder), Path(truth_folder)
     if unknown := [name for name, _ in effects if name not in LIBRARY and name not in OUTSIDE]:
         raise ValueError(f"no such effects: {unknown}; allowed: {[*LIBRARY, *OUTSIDE]}")
     cameras = {c.name: c for c in nominal.CAMERAS[size]}
     camera = cameras[camera] if camera else nominal.CAMERAS[size][0]
     (folder / "images" / camera.name).mkdir(parents=True, exist_ok=True)
-    envelope.mkdir(parents=True, exist_ok=True)
+    truth_folder.mkdir(parents=True, exist_ok=True)
     rig = CampaignCamera(camera, dict(effects), seed_name)
     captures = list(_captures(camera, size, seed_name))
     for capture, _, _, _, rotation, centre, _ in captures:
@@ -206,10 +207,11 @@ def generate_campaign(folder, envelope, effects, seed_name, size="standard", cam
             }
             for name, parameters in effects
         ],
+        "order": rig.order,
         "poses": {
             c: {"centre_error_m": list(map(float, e[0])), "rotvec_error_cam_deg": list(map(float, e[1]))}
             for c, *_, e in captures
         },
     }
-    (envelope / "truth.json").write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
+    (truth_folder / "truth.json").write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
     return truth

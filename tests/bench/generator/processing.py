@@ -1,5 +1,5 @@
-"""What a camera's processor does to encoded values: denoise, sharpen, tone, compress. In this order, after
-the noise.
+"""What a camera's processor does to encoded values after the noise: denoise, sharpen, tone in the order that the
+campaign drew, then compress.
 """
 
 import io
@@ -10,6 +10,7 @@ from PIL import Image
 from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import median_filter
 
+from generator import nominal
 from generator.optics import soften
 
 
@@ -43,18 +44,41 @@ def _bilateral(image, radius, sigma_px, sigma_dn):
     return out
 
 
-def process(image, effects):
-    """Return 8-bit values (H, W, 3) of encoded, noisy ``image`` (0..255, unrounded)."""
+def drawn_order(effects, seed_name):
+    """Return the names among ``effects`` of what acts on encoded values before the codec, in the order in which it does.
+
+    Denoising comes before sharpening; cameras differ in where their curve is, so its place among what is hidden of the
+    two is drawn by the campaign's seed.
+    """
+    order = [name for name in ("denoising", "sharpening") if name in effects]
+    if "tone_curve" in effects:
+        place = nominal.rng_of("tone curve's place", seed_name).integers(len(order) + 1)
+        order.insert(int(place), "tone_curve")
+    return order
+
+
+def _denoise(image, p):
+    if p["method"] == "median":
+        return (1 - p["share"]) * image + p["share"] * median_filter(image, (3, 3, 1), mode="nearest")
+    return _bilateral(image.astype(np.float32), p["radius_px"], p["sigma_px"], p["sigma_dn"])
+
+
+def _sharpen(image, p):
+    return np.clip(image + p["amount"] * (image - soften(image, p["sigma_px"])), 0.0, 255.0)
+
+
+def _tone(image, p):
+    return PchipInterpolator(p["in_dn"], p["out_dn"])(image)
+
+
+STEPS = {"denoising": _denoise, "sharpening": _sharpen, "tone_curve": _tone}
+
+
+def process(image, effects, order):
+    """Return 8-bit values (H, W, 3) of encoded, noisy ``image`` (0..255, unrounded); ``order`` as ``drawn_order`` has it."""
     image = np.clip(image, 0.0, 255.0).astype(np.float32)
-    if p := effects.get("denoising"):
-        if p["method"] == "median":
-            image = (1 - p["share"]) * image + p["share"] * median_filter(image, (3, 3, 1), mode="nearest")
-        else:
-            image = _bilateral(image, p["radius_px"], p["sigma_px"], p["sigma_dn"])
-    if p := effects.get("sharpening"):
-        image = np.clip(image + p["amount"] * (image - soften(image, p["sigma_px"])), 0.0, 255.0)
-    if p := effects.get("tone_curve"):
-        image = PchipInterpolator(p["in_dn"], p["out_dn"])(image)
+    for name in order:
+        image = STEPS[name](image, effects[name])
     image = np.rint(np.clip(image, 0.0, 255.0)).astype(np.uint8)
     if p := effects.get("jpeg_compression"):
         file = io.BytesIO()

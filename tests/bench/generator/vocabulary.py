@@ -3,7 +3,7 @@ physical units.
 
 ``strength`` 1 is *clear*: comfortably visible on this rig. Deviations from the ideal are proportional to it,
 so that 0.25, 0.5, 1, 2 make a power curve. Parameters are plain numbers, strings and lists: what is drawn is
-what the envelope holds.
+what the sealed truth holds.
 """
 
 import numpy as np

@@ -2,7 +2,7 @@
 
 import hashlib
 
-KINDS = ("single", "pair", "none", "outside", "power")
+KINDS = ("single", "pair", "none", "outside", "power", "whole")
 POWER_STRENGTHS = (0.25, 0.5, 1.0)
 
 

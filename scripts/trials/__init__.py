@@ -1,0 +1,1 @@
+"""Blind trials: campaigns with something hidden, diagnosed without the truth, and counted against it."""

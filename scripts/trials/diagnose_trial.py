@@ -1,0 +1,102 @@
+"""Diagnose a campaign of markers as the workflow does, in one process:
+python scripts/trials/diagnose_trial.py CAMPAIGN [--keep FOLDER] [--out FILE]. Prints (or writes) the verdicts as JSON.
+Knows no truth.
+
+``--keep FOLDER`` leaves what was measured in FOLDER/<campaign>; ``--replay FOLDER/<campaign>``, in CAMPAIGN's place,
+diagnoses from there without any image.
+"""
+
+import argparse
+import json
+import logging
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import cv2
+
+import job
+from diagnose_camera import ranked, step_records
+from gap.climb import conclude
+from gap.diagnose import Diagnosis
+from gap.floors import group_gaps
+from trials.observe_trial import observe_trial, observed_cases
+from try_effect import clean
+
+
+def diagnose_case(case):
+    """Return what diagnosis/CAMERA.json says of a measured Case, but for pictures and suggestions."""
+    start = time.perf_counter()
+    diagnosis = Diagnosis(case)
+    if not diagnosis.is_usable():
+        why = diagnosis.why_unusable()
+        return {"camera": case.camera, "verdict": "unexplained", "why": why, "steps": [], "gap": None}
+    diagnosis.set_base([])
+    first, gap = diagnosis.base_groups, diagnosis.base_gap
+    promises = diagnosis.promises()
+    candidates = [diagnosis.try_promised(name, promises) for name in diagnosis.candidates]
+    found = conclude(diagnosis, candidates)
+    return {
+        "camera": case.camera,
+        "verdict": found.verdict,
+        "gap_as_configured": gap,
+        "gap": diagnosis.base_gap,
+        "gap_se": diagnosis.base_gap_se,
+        "share_left": found.share_left,
+        "groups": group_gaps(diagnosis.base_groups, diagnosis.floors),
+        "steps": step_records(found.steps, first, diagnosis.floors),
+        "candidates": ranked(candidates, diagnosis.floors)[:6],
+        "candidates_left": ranked(found.left, diagnosis.floors)[:4],
+        "promises": promises,
+        "floor": diagnosis.floors,
+        "seconds": time.perf_counter() - start,
+    }
+
+
+def replay(folder):
+    """Return the verdicts, one a camera, of what ``observe_trial`` left in a folder: a list of dicts."""
+    return [clean(diagnose_case(case)) for case in observed_cases(folder)]
+
+
+def diagnose_campaign(campaign):
+    """Return the verdicts of all cameras of a campaign's folder: a list of dicts."""
+    with tempfile.TemporaryDirectory() as scratch:
+        observe_trial(campaign, Path(scratch) / "observed")
+        return replay(Path(scratch) / "observed")
+
+
+def main(argv=None):
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    source = parser.add_mutually_exclusive_group(required=True)
+    source.add_argument("campaign", nargs="?")
+    source.add_argument("--replay", help="FOLDER/<campaign> that --keep left")
+    parser.add_argument("--keep", help="folder for what was measured")
+    parser.add_argument("--out")
+    arguments = parser.parse_args(argv)
+    if arguments.keep and arguments.replay:
+        parser.error("--keep goes with a campaign: what is replayed is kept already")
+    cv2.setNumThreads(1)
+    logging.getLogger("twingap").setLevel(logging.WARNING)
+    with job.one_message():
+        if arguments.keep:
+            kept = Path(arguments.keep) / Path(arguments.campaign).resolve().name
+            observe_trial(arguments.campaign, kept)
+            verdicts = replay(kept)
+        elif arguments.replay:
+            verdicts = replay(arguments.replay)
+        else:
+            verdicts = diagnose_campaign(arguments.campaign)
+        text = json.dumps(verdicts, indent=1) + "\n"
+        if not arguments.out:
+            print(text)
+            return
+        with job.write_atomically(arguments.out) as file:
+            file.write(text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,82 @@
+"""Measure a campaign of markers once, so that it can be diagnosed again without its images:
+python scripts/trials/observe_trial.py CAMPAIGN --out FOLDER.
+
+Makes FOLDER/CAMERA/ for every camera: expand/ (the tables of rules/expand.smk), register.csv, register.json and
+observations.npz, written last.
+"""
+
+import argparse
+import logging
+import os
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import cv2
+
+import job
+from case_files import load_case, load_observations, read_capture, save_observations
+from expand_tables import expand_tables
+from register_captures import register_captures
+from rig.errors import InputError
+
+OBSERVATIONS = "observations.npz"
+
+
+def observe_camera(campaign, camera, folder):
+    """Register and measure the captures of a camera; write to the folder all that a fit needs of them."""
+    expand_tables(campaign, None, camera, folder / "expand")
+    register_captures(folder / "expand", campaign, camera, folder / "register.csv", folder / "register.json")
+    case, captures = load_case(folder / "expand", folder / "register.json", camera)
+    images = dict(zip(captures.capture, captures.image, strict=True))
+    for capture in case.captures:
+        case.observe_real(capture, read_capture(campaign, images[capture.view.capture]))
+    save_observations(folder / OBSERVATIONS, case)
+
+
+def observe_trial(campaign, out):
+    """Write ``out``/CAMERA/ for every camera of a campaign's folder; ``out`` is there whole or not at all."""
+    campaign, out = Path(campaign), Path(out)
+    if not (campaign / "images").is_dir():
+        raise InputError(f"{campaign}/images: no such folder; a campaign of markers with photographs is needed")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=out.parent, prefix=f".{out.name}.") as scratch:
+        whole = Path(scratch) / out.name
+        for images in sorted((campaign / "images").iterdir()):
+            observe_camera(campaign, images.name, whole / images.name)
+        if out.exists():
+            shutil.rmtree(out)
+        os.replace(whole, out)
+
+
+def observed_cases(folder):
+    """Return the Cases, measured, of what ``observe_trial`` wrote; raises InputError where that is not whole."""
+    cases = []
+    for camera in sorted(p for p in Path(folder).glob("*") if p.is_dir()):
+        if not (camera / OBSERVATIONS).is_file():
+            raise InputError(f"{camera}/{OBSERVATIONS}: no such file; observe_trial.py writes it")
+        case, _ = load_case(camera / "expand", camera / "register.json", camera.name)
+        load_observations(camera / OBSERVATIONS, case)
+        cases.append(case)
+    if not cases:
+        raise InputError(f"{folder}: no observations in it; observe_trial.py writes them")
+    return cases
+
+
+def main():
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("campaign")
+    parser.add_argument("--out", required=True, help="folder for what was measured")
+    arguments = parser.parse_args()
+    cv2.setNumThreads(1)
+    logging.getLogger("twingap").setLevel(logging.WARNING)
+    with job.one_message():
+        observe_trial(arguments.campaign, arguments.out)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,102 @@
+"""Fit the twin that has a trial's true effects, and say which of them count as hidden:
+python scripts/trials/true_twin.py OBSERVED --truth FILE --out FILE.
+
+OBSERVED is what observe_trial.py wrote. An effect counts where taking it out of that twin, all others fitted again,
+raises the held-out gap of some group of observables, or of the poses, by ``MIN_RISE``; nobody can be asked to name the
+rest.
+"""
+
+import argparse
+import json
+import logging
+import sys
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import cv2
+import numpy as np
+
+import job
+from gap.diagnose import Diagnosis
+from gap.fit import RHO_NOISE, rho
+from gap.floors import group_gaps
+from trials.observe_trial import observed_cases
+from try_effect import clean
+
+MIN_RISE = 0.02  # of a group's gap
+
+
+@dataclass
+class TrueTwin:
+    """The twin with the true effects, fitted: its held-out ``gap`` and ``groups`` (units of ``floor``), which effects count.
+
+    ``without`` has for each effect the groups' gaps of the twin that lacks it, in the same floors. ``gap`` is None
+    and no effect counts where nothing could be held out.
+    """
+
+    effects: list
+    gap: float | None
+    groups: dict
+    floor: dict
+    counted: list
+    uncounted: list
+    without: dict
+
+
+def true_twin(diagnosis, names):
+    """Return the TrueTwin of a ``gap.diagnose.Diagnosis`` and the names of what is truly hidden; leave it as the base.
+
+    Names that no effect of the library has are left out.
+    """
+    names = [name for name in names if name in diagnosis.candidates]
+    if not diagnosis.is_usable():
+        return TrueTwin([], None, {}, {}, [], names, {})
+    diagnosis.set_base([])
+    while left := [name for name in names if name not in dict(diagnosis.effects)]:
+        gains = diagnosis.promises(left)
+        diagnosis.adopt(diagnosis.try_effect(max(left, key=gains.get)))
+    effects, poses, floor, gap = diagnosis.effects, diagnosis.poses, diagnosis.floors, diagnosis.base_gap
+    groups = gaps_of(diagnosis.base_groups, floor)
+    without = {}
+    for name in names:
+        diagnosis.rebase(effects, poses)
+        diagnosis.drop(name)
+        without[name] = gaps_of(diagnosis.base_groups, floor)
+    diagnosis.rebase(effects, poses)
+    counted = [name for name in names if rises(groups, without[name])]
+    uncounted = [name for name in names if name not in counted]
+    return TrueTwin([[n, p] for n, p in effects], gap, groups, floor, counted, uncounted, without)
+
+
+def gaps_of(groups, floor):
+    """Return {group: gap} of residual groups, the poses' too: only they show that a mount is off, as the plates follow."""
+    poses = [g["pose"].ravel() for g in groups.values() if "pose" in g]
+    gaps = group_gaps(groups, floor)
+    return gaps | {"pose": float(np.sqrt(rho(np.concatenate(poses)).mean() / RHO_NOISE))} if poses else gaps
+
+
+def rises(groups, without):
+    """Return whether some group's gap is larger by ``MIN_RISE`` in ``without``; both are {group: gap} in the same floors."""
+    return any(without[name] > (1 + MIN_RISE) * gap for name, gap in groups.items() if name in without)
+
+
+def main():
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("observed")
+    parser.add_argument("--truth", required=True, help="truth.json of the trial")
+    parser.add_argument("--out", required=True)
+    arguments = parser.parse_args()
+    cv2.setNumThreads(1)
+    logging.getLogger("twingap").setLevel(logging.WARNING)
+    names = [e["effect"] for e in json.loads(Path(arguments.truth).read_text())["effects"]]
+    with job.one_message():
+        twins = {case.camera: asdict(true_twin(Diagnosis(case), names)) for case in observed_cases(arguments.observed)}
+        with job.write_atomically(arguments.out) as file:
+            json.dump(clean(twins), file, indent=1)
+
+
+if __name__ == "__main__":
+    main()
