@@ -1,7 +1,7 @@
 # make          environment, embedded campaign, results; ends with the path of the report
 # make test     all tests
 # make picture  the README's picture, from the results
-# make bench    the measurements of docs/benchmarks.md (long)
+# make bench    all measurements, and the page docs/benchmarks.md (hours)
 # make lint     style and workflow checks
 # make lock     renew envs/twingap.lock.txt from pyproject.toml
 

@@ -166,7 +166,7 @@ def candidates_figure(diagnosis):
 
 
 def where_figure(diagnosis):
-    """Return a figure: shares of the gap that one covariate, or one value for all, foretells on held-out captures."""
+    """Return a figure: shares of the gap that one covariate, or one value for all, predicts on held-out captures."""
     rows = diagnosis["where"][:8][::-1]
     fig, axis = plt.subplots(figsize=(figures.WIDTH_IN, 2.6))
     axis.barh([gap_along(r) for r in rows], [100 * r["share"] for r in rows], color=figures.GREEN)

@@ -40,6 +40,7 @@ rule render_moving:
         rig=moving_rig,
         code=MOVING_CODE
         + modules(
+            "blender/materials.py",
             "blender/moving.py",
             "blender/renderer.py",
             "effects/base.py",

@@ -17,6 +17,7 @@ rule render_stations:
         code=modules(
             "job.py",
             "blender/edges.py",
+            "blender/materials.py",
             "blender/renderer.py",
             "effects/base.py",
             "rig/geometry.py",

@@ -137,7 +137,7 @@ use rule run_figure3 as run_before_after with:
         expand(f"{RESULTS}/diagnosis/{{camera}}.json", camera=CAMERAS),
         expand(f"{RESULTS}/tables/{{table}}.csv", table=["before_after", "table1"]),
         notebook="notebooks/before_after.ipynb",
-        helpers="notebooks/figures.py",
+        helpers=["notebooks/figures.py", "notebooks/before_after_figures.py"],
         template="scripts/page_template.html.j2",
         code=modules("job.py", "rig/geometry.py", "rig/plates.py"),
     output:

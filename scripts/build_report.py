@@ -114,7 +114,7 @@ def verdict_words(diagnosis):
         words += f" The gap falls from {steps[0]['gap_before']:.2f} to {steps[-1]['gap_after']:.2f} floors."
     if diagnosis["verdict"] != "adequate" and diagnosis.get("where"):
         most = diagnosis["where"][0]
-        words += f" It shows most in {plain(gap_along(most))}, which foretells {100 * most['share']:.0f} % of it."
+        words += f" It shows most in {plain(gap_along(most))}, which predicts {100 * most['share']:.0f} % of it."
     confused = sorted({plain(name) for step in steps for name in step.get("confused_with", [])})
     if confused:
         words += f" These captures cannot tell it apart from {listed(confused)}."

@@ -28,7 +28,7 @@ from rig.plates import marker_plate
 
 log = logging.getLogger("twingap")
 
-RENDERING_CODE = ("blender.moving", "blender.renderer", "rig.plates")
+RENDERING_CODE = ("blender.moving", "blender.materials", "blender.renderer", "rig.plates")
 
 
 def frame_name(frame):

@@ -25,7 +25,7 @@ from rig.scene import load_scene
 
 log = logging.getLogger("twingap")
 
-RENDERING_CODE = ("blender/renderer.py", "blender/edges.py", "rig/plates.py")
+RENDERING_CODE = ("blender/renderer.py", "blender/edges.py", "blender/materials.py", "rig/plates.py")
 
 
 def station_poses(expand, register_csv, camera):

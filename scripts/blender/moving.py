@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Quaternion
 
+from blender.materials import emitting_material
 from blender.renderer import BOX_FILTER_PX, Renderer
 from rig.geometry import invert_pose
 
@@ -101,7 +102,7 @@ class MovingRenderer(Renderer):
         mesh = bpy.data.meshes.new("occluder")
         mesh.from_pydata(vertices, [], [*faces, (0, 1, 2, 3), tuple(4 * STRIPES + i for i in range(4))])
         for name, level in (("dark", DARK), ("bright", BRIGHT)):
-            mesh.materials.append(self._material(name, level, glossy=False))
+            mesh.materials.append(emitting_material(self.scene, name, level, glossy=False))
         mesh.polygons.foreach_set("material_index", [k // 4 % 2 for k in range(len(faces))] + [0, 0])
         box = bpy.data.objects.new("occluder", mesh)
         bpy.context.collection.objects.link(box)

@@ -20,7 +20,7 @@ import numpy as np
 from mathutils import Matrix
 
 from blender.edges import edge_pixels, edge_segments, overlooked_jumps
-from effects.base import FRESNEL_RISE
+from blender.materials import combine, constant, emitting_material
 from rig.geometry import invert_pose
 from rig.plates import spread_ink
 
@@ -245,9 +245,9 @@ class Renderer:
         emission.inputs["Color"].default_value = (1, 1, 1, 1)
         direction = tree.nodes.new("ShaderNodeSeparateXYZ")
         tree.links.new(tree.nodes.new("ShaderNodeTexCoord").outputs["Generated"], direction.inputs[0])
-        above = _math(tree, "GREATER_THAN", direction.outputs["Z"], _value(tree, 0.0))
-        step = _math(tree, "MULTIPLY", above, _value(tree, self.scene.background - self.scene.ground))
-        tree.links.new(_math(tree, "ADD", step, _value(tree, self.scene.ground)), emission.inputs["Strength"])
+        above = combine(tree, "GREATER_THAN", direction.outputs["Z"], constant(tree, 0.0))
+        step = combine(tree, "MULTIPLY", above, constant(tree, self.scene.background - self.scene.ground))
+        tree.links.new(combine(tree, "ADD", step, constant(tree, self.scene.ground)), emission.inputs["Strength"])
         tree.links.new(emission.outputs[0], tree.nodes.new("ShaderNodeOutputWorld").inputs[0])
 
     def _add_ground(self):
@@ -255,7 +255,7 @@ class Renderer:
         z, r = min(lowest, 0.0) - GROUND_BELOW_M, GROUND_REACH_M
         mesh = bpy.data.meshes.new("ground")
         mesh.from_pydata([(-r, -r, z), (r, -r, z), (r, r, z), (-r, r, z)], [], [(0, 1, 2, 3)])
-        mesh.materials.append(self._material("ground", self.scene.ground, glossy=False))
+        mesh.materials.append(emitting_material(self.scene, "ground", self.scene.ground, glossy=False))
         bpy.context.collection.objects.link(bpy.data.objects.new("ground", mesh))
 
     def _add_plates(self):
@@ -273,7 +273,7 @@ class Renderer:
         mesh = bpy.data.meshes.new("plates")
         mesh.from_pydata(vertices, [], faces)
         for name, level in (("black", self.scene.black), ("white", self.scene.white)):
-            mesh.materials.append(self._material(name, level, glossy=True))
+            mesh.materials.append(emitting_material(self.scene, name, level, glossy=True))
         mesh.polygons.foreach_set("material_index", kinds)
         bpy.context.collection.objects.link(bpy.data.objects.new("plates", mesh))
 
@@ -285,81 +285,6 @@ class Renderer:
         bpy.context.collection.objects.link(camera)
         bpy.context.scene.camera = camera
         return camera
-
-    # -- materials ----------------------------------------------------------------------------------------------------
-
-    def _material(self, name, radiance, glossy):
-        """Return a material that emits radiance, under the scene's light, with a glossy lamp's reflection on plates."""
-        material = bpy.data.materials.new(name)
-        material.cycles.emission_sampling = "NONE"  # no surface lights another
-        material.use_nodes = True
-        tree = material.node_tree
-        tree.nodes.clear()
-        emission = tree.nodes.new("ShaderNodeEmission")
-        emission.inputs["Color"].default_value = (1, 1, 1, 1)
-        tree.links.new(emission.outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs["Surface"])
-        strength = _value(tree, radiance)
-        if self.scene.light is not None:
-            strength = _math(tree, "MULTIPLY", strength, self._light(tree))
-        if glossy and self.scene.highlight is not None:
-            strength = _math(tree, "ADD", strength, self._highlight(tree))
-        tree.links.new(strength, emission.inputs["Strength"])
-        return material
-
-    def _light(self, tree):
-        """Return the socket of effects.base.light_factor."""
-        light = self.scene.light
-        geometry = tree.nodes.new("ShaderNodeNewGeometry")
-        position = tree.nodes.new("ShaderNodeSeparateXYZ")
-        tree.links.new(geometry.outputs["Position"], position.inputs[0])
-        along_x = _math(tree, "MULTIPLY", position.outputs["X"], _value(tree, light["gradient_x"]))
-        forward = _math(tree, "SUBTRACT", position.outputs["Y"], _value(tree, 1.0))
-        along_y = _math(tree, "MULTIPLY", forward, _value(tree, light["gradient_y"]))
-        total = _math(tree, "ADD", _math(tree, "ADD", along_x, along_y), _value(tree, 1 - light["lamp_share"]))
-        if light["lamp_share"]:
-            total = _math(tree, "ADD", total, self._near_lamp(tree, geometry, position))
-        return _math(tree, "MINIMUM", _math(tree, "MAXIMUM", total, _value(tree, 0.0)), _value(tree, 4.0))
-
-    def _near_lamp(self, tree, geometry, position):
-        """Return the socket of lamp_share E(x, y) / E(0, 1), E = h / d^3 on the ground z = 0."""
-        light = self.scene.light
-        x, y, h = light["lamp_x_m"], light["lamp_y_m"], light["lamp_height_m"]
-        ground = tree.nodes.new("ShaderNodeCombineXYZ")
-        for axis in "XY":
-            tree.links.new(position.outputs[axis], ground.inputs[axis])
-        lamp = tree.nodes.new("ShaderNodeCombineXYZ")
-        for axis, value in zip("XYZ", (x, y, h), strict=True):
-            lamp.inputs[axis].default_value = value
-        away = _vector(tree, "SUBTRACT", lamp.outputs[0], ground.outputs[0])
-        length = tree.nodes.new("ShaderNodeVectorMath")
-        length.operation = "LENGTH"
-        tree.links.new(away, length.inputs[0])
-        falloff = _math(tree, "POWER", length.outputs["Value"], _value(tree, -3.0))
-        there = (h * h + x * x + (1.0 - y) ** 2) ** 1.5
-        return _math(tree, "MULTIPLY", falloff, _value(tree, light["lamp_share"] * there))
-
-    def _highlight(self, tree):
-        """Return the socket of effects.base.highlight_radiance."""
-        lamp = self.scene.highlight
-        geometry = tree.nodes.new("ShaderNodeNewGeometry")
-        place = tree.nodes.new("ShaderNodeCombineXYZ")
-        for axis, key in zip("XYZ", ("x_m", "y_m", "height_m"), strict=True):
-            place.inputs[axis].default_value = lamp[key]
-        to_lamp = _vector(tree, "NORMALIZE", _vector(tree, "SUBTRACT", place.outputs[0], geometry.outputs["Position"]))
-        half = _vector(tree, "NORMALIZE", _vector(tree, "ADD", to_lamp, geometry.outputs["Incoming"]))
-        z = tree.nodes.new("ShaderNodeSeparateXYZ")
-        tree.links.new(half, z.inputs[0])
-        cosine = _math(tree, "MAXIMUM", z.outputs["Z"], _value(tree, 0.0))
-        lobe = _math(tree, "POWER", cosine, _value(tree, 2 / lamp["roughness"] ** 2))
-        to_eye = tree.nodes.new("ShaderNodeVectorMath")
-        to_eye.operation = "DOT_PRODUCT"
-        tree.links.new(half, to_eye.inputs[0])
-        tree.links.new(geometry.outputs["Incoming"], to_eye.inputs[1])
-        away = _math(tree, "SUBTRACT", _value(tree, 1.0), to_eye.outputs["Value"])
-        rise = _math(tree, "POWER", _math(tree, "MAXIMUM", away, _value(tree, 0.0)), _value(tree, 5.0))
-        rise = _math(tree, "MULTIPLY", rise, _value(tree, lamp["fresnel"] * FRESNEL_RISE))
-        lobe = _math(tree, "MULTIPLY", lobe, _math(tree, "ADD", rise, _value(tree, 1.0)))
-        return _math(tree, "MULTIPLY", lobe, _value(tree, lamp["strength"]))
 
 
 @contextlib.contextmanager
@@ -391,26 +316,3 @@ def _read_exr(path, shape):
     if not (np.array_equal(chunks["row"], np.arange(rows)) and (chunks["bytes"] == 4 * columns).all()):
         raise OSError(errno.EIO, "Blender wrote an EXR file of another layout", str(path))
     return np.ascontiguousarray(chunks["values"])
-
-
-def _value(tree, number):
-    node = tree.nodes.new("ShaderNodeValue")
-    node.outputs[0].default_value = float(number)
-    return node.outputs[0]
-
-
-def _math(tree, operation, a, b):
-    node = tree.nodes.new("ShaderNodeMath")
-    node.operation = operation
-    tree.links.new(a, node.inputs[0])
-    tree.links.new(b, node.inputs[1])
-    return node.outputs[0]
-
-
-def _vector(tree, operation, a, b=None):
-    node = tree.nodes.new("ShaderNodeVectorMath")
-    node.operation = operation
-    tree.links.new(a, node.inputs[0])
-    if b is not None:
-        tree.links.new(b, node.inputs[1])
-    return node.outputs[0]

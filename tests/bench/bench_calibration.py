@@ -1,10 +1,10 @@
-"""Calibration and reading of real photographs: ``python tests/bench/bench_calibration.py [--out FILE.md]``.
+"""Calibration and reading of real photographs: ``python tests/bench/bench_calibration.py``. Figures are recorded
+(record.py).
 
 Board sets under ../shared/real against the residuals of their READMEs (OpenCV 4.11 there), by the finder that the
 README names; marker photographs against the ids of their verified.csv, as OpenCV's detector comes.
 """
 
-import argparse
 import csv
 import re
 import sys
@@ -17,6 +17,7 @@ sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests")]
 import cv2  # noqa: E402
 
 from detectors import contract  # noqa: E402
+from record import record  # noqa: E402
 from register_captures import better_finder, board_finder, usable_views  # noqa: E402
 from rig import boards, calibration  # noqa: E402
 from rig.campaign import Board, load_campaign  # noqa: E402
@@ -189,10 +190,7 @@ def marker_sets():
 
 
 def main():
-    """Print the tables; write them to a file where one is named."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, help="Markdown file to write")
-    arguments = parser.parse_args()
+    """Print the tables and record what they come to."""
     if not REAL.is_dir():
         raise SystemExit(f"needs the photographs of {REAL}")
     cv2.setNumThreads(1)
@@ -209,15 +207,22 @@ def main():
         "ms",
     ]
     parts = [f"Board sets, OpenCV {cv2.__version__}; ms per image for all finders, one thread. Taken: the finder that "]
-    parts[0] += "the program itself uses.\n\n" + table(head, [row for name in names for row in board_rows(name)])
+    board_table = [row for name in names for row in board_rows(name)]
+    parts[0] += "the program itself uses.\n\n" + table(head, board_table)
     head = ["set", "legacy_pattern", "rows", "corners by the wrong flag", "said"]
     parts.append("The wrong legacy flag.\n\n" + table(head, legacy_rows()))
     head = ["set", "images", "ids listed", "of these read", "missed"]
-    parts.append("Marker photographs, detector `aruco`.\n\n" + table(head, [marker_row(n) for n in marker_sets()]))
-    text = "\n".join(parts)
-    print(text)
-    if arguments.out:
-        arguments.out.write_text(text)
+    marker_table = [marker_row(name) for name in marker_sets()]
+    parts.append("Marker photographs, detector `aruco`.\n\n" + table(head, marker_table))
+    print("\n".join(parts))
+    furthest = max(abs(float(ratio) - 1) for row in board_table for ratio in row[5].split(" / "))
+    listed, read = (sum(row[k] for row in marker_table) for k in (2, 3))
+    record(
+        [
+            ("board sets: residual against that of their README, the furthest off", 100 * furthest, "%"),
+            ("marker photographs: listed ids that `aruco` reads", f"{read} of {listed}", "ids"),
+        ]
+    )
 
 
 if __name__ == "__main__":

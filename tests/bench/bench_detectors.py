@@ -1,8 +1,8 @@
-"""Detectors side by side, as Markdown tables: ``python tests/bench/bench_detectors.py [--images N] [--out FILE.md]``.
+"""Detectors side by side, as Markdown tables: ``python tests/bench/bench_detectors.py [--images N]``.
 
 All detectors run on the same images in one process, their order turning from image to image, so that another load on
 the machine hits all alike; times are medians. Images are made here (marker_scenes.py); real photographs and videos are
-read from ../shared/real where they are.
+read from ../shared/real where they are. The figures that have an aim are recorded (record.py).
 """
 
 import argparse
@@ -17,11 +17,13 @@ sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests")]
 import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 
+from bench.detector_figures import linear_figures, real_figures, sequence_figures, single_figures  # noqa: E402
 from bench.marker_scenes import compare, encode, scene, texture  # noqa: E402
 from detect_markers import read_images  # noqa: E402
 from detectors import bart, contract  # noqa: E402
 from detectors.bart import quads as bart_quads  # noqa: E402
 from detectors.bart.tracker import Tracker  # noqa: E402
+from record import record  # noqa: E402
 
 NAMES = ("aruco", "aruco_subpix", "aruco3", "bart")
 REAL = ROOT.parent / "shared" / "real"
@@ -105,15 +107,17 @@ ACCURACY_HEAD = ["detector", "ms", "ms 95 %", "found", "false ids", "bias x, y p
 
 
 def single_images(detectors, count):
-    """Return the section on single images, for both encodings."""
-    parts = []
-    for encoding in ("srgb", "linear"):
-        scenes = (scene(np.random.default_rng(k), encoding=encoding) for k in range(count))
-        parts.append(f"Encoding {encoding}:\n\n" + table(ACCURACY_HEAD, accuracy_rows(measure(detectors, scenes))))
-    return (
+    """Return the section on single images, for both encodings, and its figures."""
+    parts, figures = [], []
+    for encoding, figures_of in (("srgb", single_figures), ("linear", linear_figures)):
+        sums = measure(detectors, (scene(np.random.default_rng(k), encoding=encoding) for k in range(count)))
+        parts.append(f"Encoding {encoding}:\n\n" + table(ACCURACY_HEAD, accuracy_rows(sums)))
+        figures += figures_of(sums)
+    text = (
         "## Single images\n\n1920x1080, 20 markers (10 of each dictionary), side 45 to 150 px, tilt 0 to 50 degrees, "
         f"blur 0.7 px, noise 2 DN, clutter; {count} images each.\n\n" + "\n".join(parts)
     )
+    return text, figures
 
 
 def recall(detectors, count):
@@ -140,7 +144,7 @@ def recall(detectors, count):
 
 
 def false_ids(detectors, count):
-    """Return the section on images without markers."""
+    """Return the section on images without markers, and its figure."""
     ids = dict.fromkeys(detectors, 0)
     ms = {name: [] for name in detectors}
     for k in range(count):
@@ -151,7 +155,9 @@ def false_ids(detectors, count):
             ms[name].append(t)
     rows = [[name, ids[name], f"{np.median(ms[name]):.2f}", f"{np.percentile(ms[name], 95):.2f}"] for name in detectors]
     head = ["detector", f"ids in {count} images", "ms", "ms 95 %"]
-    return "## Textured images without markers\n\n960x540.\n\n" + table(head, rows)
+    false = f"{ids['bart']} ({ids['aruco']}) in {count}"
+    figures = [("BART (ArUco), false ids on textured images", false, "images")]
+    return "## Textured images without markers\n\n960x540.\n\n" + table(head, rows), figures
 
 
 def sequence_frames(count):
@@ -168,7 +174,7 @@ def sequence_frames(count):
 
 
 def sequences(count):
-    """Return the section on BART's tracker at 30 frames a second."""
+    """Return the section on BART's tracker at 30 frames a second, and its figures."""
     frames, truth, _ = sequence_frames(count)
     K = np.array([[1400.0, 0, 959.5], [0, 1400.0, 539.5], [0, 0, 1]])
     cases = {
@@ -179,7 +185,7 @@ def sequences(count):
         "search in the loop, budget 4 ms": {"budget_ms": 4.0},
         "no regions": {"regions": False},
     }
-    rows = []
+    rows, times = [], {}
     for title, parameters in cases.items():
         tracker = Tracker(**parameters)
         tracker.update(frames[0])
@@ -192,11 +198,12 @@ def sequences(count):
             seen += sum(m.seen for m in result.markers)
             partial += result.partial
             time.sleep(max(0.0, 1 / 30 - (time.perf_counter() - start)))
-        late = ms[1:]
+        late = times[title] = ms[1:]
         row = [title, f"{np.median(late):.2f}", f"{np.percentile(late, 99):.2f}", f"{max(late):.2f}", f"{ms[0]:.2f}"]
         rows.append([*row, f"{seen} of {len(truth) * count}", partial])
     head = ["tracker", "ms", "ms 99 %", "longest", "first frame", "seen", "partial frames"]
-    return f"## Sequences\n\n1920x1080, 20 swaying markers, {count} frames at 30 a second.\n\n" + table(head, rows)
+    text = f"## Sequences\n\n1920x1080, 20 swaying markers, {count} frames at 30 a second.\n\n" + table(head, rows)
+    return text, sequence_figures(times)
 
 
 def expected_of(folder):
@@ -212,8 +219,8 @@ def expected_of(folder):
 
 
 def real_sets(detectors):
-    """Return the section on real photographs and videos."""
-    rows = []
+    """Return the section on real photographs and videos, and its figures (none where these are not there)."""
+    rows, sums = [], {name: np.zeros(2, int) for name in detectors}
     for name, dictionary in REAL_SETS.items():
         folder = REAL / name
         if not folder.exists():
@@ -233,12 +240,14 @@ def real_sets(detectors):
                 counts[d][1] += len(found) - len(right)
                 counts[d][2].append(ms)
         for d, (right, wrong, ms) in counts.items():
+            sums[d] += right, wrong
             rows.append([name, frames, d, right, wrong, f"{np.median(ms):.2f}"])
-    return (
+    text = (
         "## Real photographs and video\n\nRight: ids that the set is known to hold. The last two sets "
         "hold other or mirrored markers: whatever is reported is wrong.\n\n"
         + table(["set", "images", "detector", "right", "wrong ids", "ms"], rows)
     )
+    return text, real_figures(sums) if REAL.is_dir() else []
 
 
 def ablation(count):
@@ -286,32 +295,32 @@ def time_budget():
 
 
 def main():
-    """Print the report, or write it."""
+    """Print the report and record what has an aim."""
     parser = argparse.ArgumentParser(description="Measure the detectors side by side.")
     parser.add_argument("--images", type=int, default=12, help="images of each encoding; others in proportion")
     parser.add_argument("--threads", type=int, default=2, help="threads of OpenCV")
-    parser.add_argument("--out", help="Markdown file; else standard output")
     arguments = parser.parse_args()
     cv2.setNumThreads(arguments.threads)
     n = arguments.images
     detectors = {name: contract.make(name) for name in NAMES}
+    single, singles = single_images(detectors, n)
+    textured, falses = false_ids(detectors, max(200 * n // 12, 2))
+    video, videos = sequences(max(25 * n, 20))
+    real, reals = real_sets(detectors)
     sections = [
         f"# Detectors side by side\n\nOpenCV {cv2.__version__}, {arguments.threads} threads of OpenCV, Python "
         f"{platform.python_version()}, {platform.machine()}; one run of `tests/bench/bench_detectors.py "
         f"--images {n}`.\n",
-        single_images(detectors, n),
+        single,
         recall(detectors, max(n // 4, 1)),
-        false_ids(detectors, max(200 * n // 12, 2)),
-        sequences(max(25 * n, 20)),
+        textured,
+        video,
         ablation(max(n // 2, 1)),
         time_budget(),
-        real_sets(detectors),
+        real,
     ]
-    text = "\n".join(sections)
-    if arguments.out:
-        Path(arguments.out).write_text(text)
-    else:
-        print(text)
+    print("\n".join(sections))
+    record([*singles, *falses, *videos, *reals])
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
 """What a verdict costs: ``python tests/bench/bench_diagnose.py [--effects NAME ...]``.
 
 Generates one campaign an effect (20 captures of half a megapixel, one camera; nothing is hidden in ``nothing``) and times
-``snakemake --cores 2 diagnose`` of it, all candidates, in a copy of the project; with the largest memory of any one process.
+``snakemake --cores 2 diagnose`` of it, all candidates, in a copy of the project; with the largest memory of any one
+process. Figures are recorded (record.py).
 """
 
 import argparse
@@ -17,6 +18,7 @@ sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests"), str(ROOT / "tests/be
 
 import pandas as pd
 
+from record import record
 from trials.generate_trials import generate_trial
 from workflow_runs import copy_project, snakemake
 
@@ -28,7 +30,7 @@ LONGEST_S = 3600
 def timed(folder, project, effect):
     """Return a row: what is hidden, the verdict, its seconds."""
     kind, hidden = ("none", None) if effect == NOTHING else ("single", effect)
-    name, _ = generate_trial(folder / "campaigns", folder / "truths", kind, 0, "cost", hidden)
+    name, _ = generate_trial(folder / "campaigns", folder / "envelopes", kind, 0, "cost", hidden)
     start = time.perf_counter()
     status, said = snakemake(
         project, "--cores", 2, "diagnose", "--config", f"campaign={folder / 'campaigns' / name}", timeout_s=LONGEST_S
@@ -54,6 +56,14 @@ def main():
     print(rows.to_markdown(index=False))
     gib = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 2**20
     print(f"\nmedian {rows.s.median():.0f} s; largest memory of one process {gib:.2f} GiB")
+    nothing, single = rows[rows.hidden == NOTHING].s, rows[rows.hidden != NOTHING].s
+    figures = [("diagnosis of one camera, largest memory of one process", gib, "GiB")]
+    if len(nothing):
+        figures.append(("diagnosis of one camera, 20 captures: nothing hidden", nothing.median(), "s"))
+    if len(single):
+        span = f"{single.min():.0f} to {single.max():.0f}"
+        figures.append(("diagnosis of one camera, 20 captures: a single effect", span, "s"))
+    record(figures)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Geometry: Blender's renders of the embedded rig against exact area coverage and analytic projection.
 
-``python tests/bench/bench_geometry.py`` prints a table: error of pixels that an edge crosses (grey levels of
+``python tests/bench/bench_geometry.py`` prints a table and records it (record.py): error of pixels that an edge crosses (grey levels of
 8 bits, sRGB) and of code corners (pixels; each plate's homography by least squares of its exact coverage, one step from the truth).
 """
 
@@ -17,6 +17,7 @@ import pandas as pd  # noqa: E402
 from exact_coverage import add_polygon, cells_of, exact_radiance  # noqa: E402
 
 from expand_tables import expand_tables  # noqa: E402
+from record import record  # noqa: E402
 from rig import tables  # noqa: E402
 from rig.geometry import camera_matrix, make_pose, project  # noqa: E402
 from rig.scene import load_scene  # noqa: E402
@@ -120,7 +121,17 @@ def main():
                     "corner_worst_px": np.abs(corners).max(),
                 }
             )
-    print(pd.DataFrame(rows).round(4).to_markdown(index=False))
+    table = pd.DataFrame(rows)
+    print(table.round(4).to_markdown(index=False))
+    mean = table[["corner_mean_x_px", "corner_mean_y_px"]].abs().to_numpy().max()
+    low, high = table.edge_rms_dn.min(), table.edge_rms_dn.max()
+    record(
+        [
+            ("corners in Blender's renders against projection, RMS", float(table.corner_rms_px.max()), "px"),
+            ("corners in Blender's renders against projection, mean, the larger axis", float(mean), "px"),
+            ("pixels that an edge crosses against exact coverage, RMS", f"{low:.2f} to {high:.2f}", "grey levels"),
+        ]
+    )
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """How much poses scatter at rest, and how many frames an occlusion costs: python tests/bench/bench_moving.py
 
 Renders a camera at rest and one before which an object passes (config/moving/default.yaml, a seed of its own), runs the
-detectors on both as on video, and prints BART beside ArUco. About two minutes on one core.
+detectors on both as on video, prints BART beside ArUco and records it (record.py). About two minutes on one core.
 """
 
 import argparse
@@ -18,6 +18,7 @@ import yaml
 import job
 from detect_moving import detect_moving
 from measure_moving import measure_moving
+from record import record
 from render_moving import render_moving
 from rig.moving_config import load_moving
 from rig.safe_yaml import load_yaml
@@ -67,20 +68,24 @@ def measure(folder, seed):
 
 
 def report(measures):
-    """Print a table for each trajectory, and both aims."""
+    """Print a table for each trajectory, and both aims; record these."""
     for trajectory, columns in SHOWN.items():
         table = measures.xs(trajectory, level="trajectory")[columns]
         print(f"\n{trajectory}\n\n{table.to_markdown(floatfmt='.3g')}")
+    figures = []
     rest, hidden = (measures.xs(name, level="trajectory") for name in ("at_rest", "occlusion"))
-    for unit in ("mm", "deg"):
+    for unit, what in (("mm", "BART's jitter at rest, place"), ("deg", "BART's jitter at rest, turn")):
         mine, theirs = (rest.loc[name, f"jitter_{unit}"] for name in ("bart", "aruco_subpix"))
         print(
             f"\njitter at rest, {unit}: BART {mine:.3g}, ArUco with sub-pixel corners {theirs:.3g}: {mine / theirs:.0%}"
         )
+        figures.append((what, float(100 * mine / theirs), "% of sub-pixel ArUco's"))
     lost = {name: int(hidden.loc[name, "hidden_frames_lost"]) for name in ("bart", "aruco")}
     print(
         f"\nframes lost of {int(hidden.hidden_frames['bart'])} hidden ones: BART {lost['bart']}, ArUco {lost['aruco']}"
     )
+    lost_of = f"{lost['bart']} ({lost['aruco']}) of {int(hidden.hidden_frames['bart'])}"
+    record([*figures, ("frames lost through an occlusion by BART (ArUco)", lost_of, "frames")])
 
 
 if __name__ == "__main__":

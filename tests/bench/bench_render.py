@@ -1,6 +1,6 @@
 """Render: CPU seconds per megapixel against the plain way, side by side, and the peak memory of a job at 3840x2160.
 
-``python tests/bench/bench_render.py`` prints a table. The plain way is one Blender process per station, a lamp,
+``python tests/bench/bench_render.py`` prints a table and records it (record.py). The plain way is one Blender process per station, a lamp,
 Principled shaders, and as many samples in every pixel as bring its edges to the same error, found by doubling.
 """
 
@@ -22,6 +22,7 @@ from exact_coverage import exact_radiance  # noqa: E402
 
 from bench_geometry import encoded  # noqa: E402
 from effects.base import Scene  # noqa: E402
+from record import record  # noqa: E402
 from rig.geometry import camera_matrix, invert_pose, station_pose  # noqa: E402
 from rig.plates import marker_plate  # noqa: E402
 
@@ -136,6 +137,14 @@ def main():
     print(f"\nplain over ours, CPU seconds at that edge error: {got['cpu_s'] / further:.0f}\n", flush=True)
     full = in_a_process(f"ours(8, 2, {EDGE_SAMPLES})")
     print(f"3840x2160 with 12 % overscan, two stations: {full['cpu_s']:.1f} CPU s, peak {full['peak_gib']:.2f} GiB")
+    record(
+        [
+            ("render of a further station, CPU", further, "s"),
+            ("render of a station in the plain way at the same edge error, CPU", got["cpu_s"], "s"),
+            ("the plain way over a further station", got["cpu_s"] / further, "times"),
+            ("peak memory of a render job at 3840x2160", full["peak_gib"], "GiB"),
+        ]
+    )
 
 
 if __name__ == "__main__":

@@ -2,7 +2,8 @@
 
 Two full rebuilds in two copies of the project, with ``--cores 1`` and ``--cores 2``, have to give the same bytes in
 every file that holds numbers and no times. Then, in the second copy, the seconds of a rebuild after a detector's edit
-and of a run with nothing to do. Of the embedded campaign, or with ``--tiny`` of one that takes a minute.
+and of a run with nothing to do. Of the embedded campaign, or with ``--tiny`` of one that takes a minute. Figures are recorded
+(record.py).
 """
 
 import argparse
@@ -16,11 +17,13 @@ sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests")]
 
 import pandas as pd
 
+from record import record
 from tiny_campaign import lay_down_seen
 from workflow_runs import copy_project, numbers_of, snakemake
 
 LONGEST_S = 7200
 DETECTOR = "scripts/detectors/aruco_subpix.py"
+EDITED, NOTHING_TO_DO = "--cores 2, after a detector's edit", "--cores 2, nothing to do"
 
 
 def timed(project, cores, config):
@@ -53,14 +56,42 @@ def measure(folder, campaign, more):
         print(f"- differs: {file}")
     edited = two / DETECTOR
     edited.write_text(edited.read_text().replace('"""', '"""Edited. ', 1))
-    seconds["--cores 2, after a detector's edit"] = timed(two, 2, config)
+    seconds[EDITED] = timed(two, 2, config)
     if differing(second, numbers_of(two / "results" / name)):
         sys.exit("a detector's edit in a comment changed a number")
-    seconds["--cores 2, nothing to do"] = timed(two, 2, config)
+    seconds[NOTHING_TO_DO] = timed(two, 2, config)
     full = seconds["full rebuild, --cores 2"]
     table = pd.DataFrame([[what, s, s / full] for what, s in seconds.items()], columns=["run", "s", "of the full one"])
     print("\n" + table.round(3).to_markdown(index=False), flush=True)
+    files = f"{len(different)} of {len(first.keys() | second.keys())}"
+    record(
+        [
+            ("two full rebuilds, --cores 1 and --cores 2: files with numbers that differ", files, "files"),
+            ("full rebuild, --cores 2", full / 60, "min"),
+            ("a detector's edit to the new report", seconds[EDITED] / full, "of a full rebuild"),
+            ("a run with nothing to do", seconds[NOTHING_TO_DO], "s"),
+            *bart_beside_aruco(two / "results" / name),
+        ]
+    )
     return len(different)
+
+
+def bart_beside_aruco(results):
+    """Return figures of Table 2: a camera's value by BART, and by ArUco in brackets; none where one is missing."""
+    table = pd.read_csv(results / "tables/table2.csv").set_index(["algorithm", "camera"])
+    if not {"aruco", "bart"} <= set(table.index.get_level_values("algorithm")):
+        return []
+    bart, aruco = table.loc["bart"], table.loc["aruco"]
+
+    def cameras(column):
+        return ", ".join(f"{c} {bart[column][c]:.1f} ({aruco[column][c]:.1f})" for c in bart.index)
+
+    false_ids = f"{bart.false_ids.sum():.0f} ({aruco.false_ids.sum():.0f})"
+    return [
+        ("Table 2, coverage by BART (ArUco)", cameras("coverage_pct"), "%"),
+        ("Table 2, precision by BART (ArUco)", cameras("precision_pct"), "%"),
+        ("Table 2, false ids by BART (ArUco)", false_ids, "markers"),
+    ]
 
 
 def main():

@@ -1,30 +1,75 @@
-"""Run all measurements one after the other and print their tables: python tests/bench/run_benchmarks.py"""
+"""Measure and write docs/benchmarks.md: ``python tests/bench/run_benchmarks.py [NAME ...]``; without a name all.
 
+NAMEs are those of the files, such as ``geometry`` of bench_geometry.py, and ``blind_trials``. Each prints its tables and
+puts its figures into docs/benchmarks.csv (record.py), from which the page is written.
+"""
+
+import argparse
 import subprocess
 import sys
 from pathlib import Path
 
+import pandas as pd
+
+from record import ROOT, record, write_page
+
 HERE = Path(__file__).resolve().parent
-RUNS = [
-    ["bench_geometry.py"],
-    ["bench_render.py"],
-    ["bench_repeatability.py"],
-    ["bench_diagnose.py"],
-    ["bench_calibration.py"],
-    ["bench_detectors.py"],
-    ["bench_moving.py"],
-]
-BLIND_TRIALS = [
-    *("-m", "snakemake", "--quiet", "all", "--cores", "2", "blind_trials"),
-    *("--config", "blind_trials={single: 174, pair: 60, none: 100, outside: 60, power: 87}"),
-]
+SCRIPTS = ["size", "geometry", "render", "repeatability", "diagnose", "calibration", "detectors", "moving"]
+BLIND_TRIALS = "blind_trials"
+TRIALS = ROOT / "results/blind_trials"
+TRIAL_COUNTS = "blind_trials={single: 174, pair: 60, none: 100, outside: 60, power: 87}"
+TRIALS_COMMAND = "snakemake --cores 2 blind_trials"
+WEAK = "0.25"  # the strength, a column of power.csv
+
+
+def run_script(name):
+    """Run a benchmark; return whether it failed."""
+    return subprocess.run([sys.executable, str(HERE / f"bench_{name}.py")], check=False).returncode != 0
+
+
+def run_blind_trials():
+    """Run the blind trials and record their outcome; return whether they failed."""
+    arguments = ["-m", "snakemake", "--quiet", "all", "--cores", "2", "blind_trials", "--config", TRIAL_COUNTS]
+    if subprocess.run([sys.executable, *arguments], cwd=ROOT, check=False).returncode != 0:
+        return True
+    print((TRIALS / "summary.md").read_text())
+    record(trial_figures(TRIALS), TRIALS_COMMAND)
+    return False
+
+
+def trial_figures(folder):
+    """Return [(what, figure, unit)] of an outcome's summary.csv and power.csv, of what there were trials for."""
+    figures = []
+    for row in pd.read_csv(folder / "summary.csv").itertuples():
+        if row.trials:
+            interval = f"{row.low_pct:.0f} to {row.high_pct:.0f} %"
+            figures.append((row.what, f"{row.hits} of {row.trials} ({interval})", ""))
+    power = pd.read_csv(folder / "power.csv")
+    if WEAK in power:
+        figures.append(
+            ("a quarter of the clear strength: named alone", f"{(power[WEAK] == 1).sum()} of {len(power)}", "")
+        )
+    return figures
+
+
+def main(argv=None):
+    """Run what is named; exit with 1 where any failed."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    known = [*SCRIPTS, BLIND_TRIALS]
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(known))
+    names = parser.parse_args(argv).names
+    for name in names:
+        if name not in known:
+            parser.error(f"no benchmark is called {name}; there are {', '.join(known)}")
+    failed = []
+    for name in names or known:
+        print(f"\n## {name}\n", flush=True)
+        if run_blind_trials() if name == BLIND_TRIALS else run_script(name):
+            failed.append(name)
+    write_page()
+    if failed:
+        sys.exit(f"failed: {', '.join(failed)}")
+
 
 if __name__ == "__main__":
-    failed = 0
-    for script, *arguments in RUNS:
-        print(f"\n## {' '.join([script, *arguments])}\n", flush=True)
-        failed += subprocess.run([sys.executable, str(HERE / script), *arguments], check=False).returncode != 0
-    print("\n## snakemake blind_trials\n", flush=True)
-    failed += subprocess.run([sys.executable, *BLIND_TRIALS], cwd=HERE.parents[1], check=False).returncode != 0
-    print((HERE.parents[1] / "results/blind_trials/summary.md").read_text())
-    sys.exit(min(failed, 1))
+    main()

@@ -142,7 +142,7 @@ def test_verdict_is_put_in_words_from_its_numbers():
     where = [{"observable": "corner_dx", "covariate": "image_radius", "share": 0.71}]
     words = verdict_words({"verdict": "explained", "steps": steps, "where": where})
     assert "radial distortion (k1 0.1712 ± 0.0020) and lens blur;" in words
-    assert "corner dx by image radius, which foretells 71 %" in words
+    assert "corner dx by image radius, which predicts 71 %" in words
     assert "from 6.20 to 1.04" in words
     assert "motion blur" in words
     assert "nothing is missing" in verdict_words({"verdict": "adequate", "steps": []})

@@ -1,29 +1,22 @@
 """BART: a fast marker detector with exact corners, after what is published of the Bielefeld tracker.
 
 Single images: ``make_detector(dictionaries).detect(image)``. Sequences: ``tracker.Tracker``. The pieces:
-quads.py (dark regions to quadrilaterals), codes.py (bit matrices), edges.py (exact corners), tracker.py.
+regions.py (dark regions), quads.py (quadrilaterals), codes.py (bit matrices), small.py (codes of mixed cells), edges.py
+(exact corners), reading.py (quadrilaterals to markers), sightings.py (places seen twice), tracker.py.
 """
 
 from concurrent.futures import ThreadPoolExecutor
 
 import cv2
 import numpy as np
-from numba import njit
 
-from detectors.bart.codes import (
-    NO_CODE,
-    cell_size,
-    code_tables,
-    fit_small,
-    frame_contrast,
-    frame_errors,
-    match_blurred,
-    match_word,
-    read_levels,
-    read_word,
-)
+from detectors.bart.codes import NO_CODE, code_tables
 from detectors.bart.edges import identity, move_sides, refine_quad, spread_of_white, srgb_to_linear
-from detectors.bart.quads import RETRY_PX, SMALLEST_PX, candidates, components, quads_of, search_boxes
+from detectors.bart.quads import RETRY_PX, SMALLEST_PX, quads_of, search_boxes
+from detectors.bart.reading import read_quads
+from detectors.bart.regions import candidates, components
+from detectors.bart.sightings import best_of_each, not_inside
+from detectors.bart.small import fit_small
 from detectors.contract import Detection, grey_image
 
 TRACKER = "tracker"
@@ -59,14 +52,6 @@ PARAMETERS = {
     "light": "auto",
 }
 
-SMALL_MODULE_PX = 4.0  # below it a marker's cells mix, and codes are compared as they look when blurred
-WEAK_SHARE = 0.125  # of the pairs of paper and frame that may lack contrast: an occlusion, a shadow
-WEAK_SHARE_SMALL = 0.25  # the same for small markers, whose looks are compared as a whole anyway
-BLURRED_MODULE_PX = 3.0  # below it a bit's own level says little
-SURE_BIT = 0.3  # half contrasts from the threshold: a small marker all of whose bits are as sure is read as it is
-LARGEST_MISS = 0.4  # contrasts, of one cell: a bit that is not the code's
-LARGEST_MISFIT = 0.13  # contrasts, RMS over all cells: more, and no code explains what is seen
-LEAST_LEAD = 1.35  # misfit of the next code over that of the best: less, and either may be meant
 LEAST_MODULE_PX = 5.0  # modules from which the spread of white is measured: smaller ones have no flat inside
 SPREAD_MARKERS = 2  # so many of the largest are enough: each tells the spread to a few thousandths of a pixel
 REGIONS_AT_ONCE = 16  # regions between two looks at the clock
@@ -74,82 +59,6 @@ SHARED_PARTS = 4  # of an image, for two threads: more even their work out, each
 OTHER_LIGHT_PX = 0.15  # a spread that no sRGB image with ink on paper shows: tried again as linear light
 
 _SECOND_THREAD = ThreadPoolExecutor(max_workers=1)
-
-
-@njit(cache=True, nogil=True)
-def read_blurred(image, light, quad, size, words, owner, levels, plane, margins):
-    """Return (entry or NO_CODE, misfit, worst, lead) of a small marker's code, see codes.match_blurred."""
-    read_levels(image, light, quad, size, levels)
-    contrast = frame_contrast(levels, plane, 1e-3, WEAK_SHARE_SMALL)
-    if contrast == 0:
-        return NO_CODE, 1e9, 1e9, 0.0
-    word = read_word(levels, plane, contrast, 0.25, margins)
-    across, down = cell_size(quad, size + 2)
-    return match_blurred(levels, across, down, word, words, owner)
-
-
-@njit(cache=True, nogil=True)
-def read_quads(image, grey, light, quads, size, words, owner, wrong_bits, least_contrast, most_wrong, exact):
-    """Return (corners (m, 4, 2), owner (m, 3), distance (m,), contrast (m,), fitted (m,)) of readable quads.
-
-    grey, light  (256,) tables: the grey levels as they are, and the light behind them
-    quads  float64 (n, 4, 2), pixels of ``image``; corners come in the marker's own order, measured where ``exact``,
-           else as in ``quads``. fitted: the entry in ``words`` of a small marker whose corners fit_small found, for
-           the code in the marker's own order; else NO_CODE.
-    """
-    n = len(quads)
-    corners = np.empty((n, 4, 2))
-    found = np.empty((n, 3), np.int32)
-    distance = np.empty(n, np.int32)
-    contrasts = np.empty(n)
-    fitted = np.empty(n, np.int64)
-    levels = np.empty((size + 4, size + 4))
-    plane = np.empty(3)
-    margins = np.empty(size * size)
-    refined = np.empty((4, 2))
-    m = 0
-    for k in range(n):
-        module = read_levels(image, grey, quads[k], size, levels, False)
-        weak = WEAK_SHARE if module > SMALL_MODULE_PX else WEAK_SHARE_SMALL
-        if module == 0 or frame_contrast(levels, plane, 0.6 * least_contrast, weak) == 0:
-            continue
-        worked = refine_quad(image, light, quads[k], size, 2, refined)
-        read_levels(image, grey, refined, size, levels)
-        contrast = frame_contrast(levels, plane, least_contrast, weak)
-        entry, wrong, fitted[m] = NO_CODE, 0, NO_CODE
-        if contrast > 0 and module > BLURRED_MODULE_PX and frame_errors(levels, plane) <= 1:
-            word = read_word(levels, plane, contrast, 0.0, margins)
-            if module > SMALL_MODULE_PX:
-                entry, wrong = match_word(word, margins, words, owner, wrong_bits, most_wrong, 0.6)
-            elif np.abs(margins).min() > SURE_BIT:
-                entry, wrong = match_word(word, margins, words, owner, wrong_bits, 0, 0.6)
-        if contrast > 0 and module <= SMALL_MODULE_PX and entry == NO_CODE:
-            entry, misfit, worst, lead = read_blurred(
-                image, light, quads[k], size, words, owner, levels, plane, margins
-            )
-            # Edges of cells as small as these are not to be trusted; slivers have two long sides, which are.
-            tiny = module <= BLURRED_MODULE_PX and max(*cell_size(quads[k], size + 2)) <= SMALL_MODULE_PX
-            if worked:
-                other = read_blurred(image, light, refined, size, words, owner, levels, plane, margins)
-                if other[1] < misfit:
-                    entry, misfit, worst, lead = other
-                elif tiny:
-                    refined[:] = quads[k]
-            if misfit > LARGEST_MISFIT or worst > LARGEST_MISS or lead < LEAST_LEAD:
-                entry = NO_CODE
-            elif entry != NO_CODE and exact and tiny:
-                fit_small(image, light, refined, size, words[entry])
-                fitted[m] = entry - owner[entry, 2]
-        if entry == NO_CODE:
-            continue
-        turn = owner[entry, 2]
-        for c in range(4):
-            corners[m, c] = refined[(c + turn) % 4] if exact else quads[k, (c + turn) % 4]
-        found[m] = owner[entry]
-        distance[m] = wrong
-        contrasts[m] = contrast
-        m += 1
-    return corners[:m], found[:m], distance[:m], contrasts[:m], fitted[:m]
 
 
 class Bart:
@@ -220,7 +129,7 @@ class Bart:
         more = []
         coarse = len(pyramid) - 1
         for level in range(coarse, max(coarse - self.p["finer_levels"], -1), -1):
-            boxes = _not_inside(boxes * 2**level, known + more)
+            boxes = not_inside(boxes * 2**level, known + more)
             quads, rest = search_boxes(
                 pyramid[max(level - 1, 0)],
                 boxes // 2 ** max(level - 1, 0),
@@ -352,57 +261,6 @@ def _in_two_threads(function, parts):
     if other is not None and not other.cancel():  # else it was busy all the time, or is gone in a forked process
         other.result()
     return [found for some in results for found in some]
-
-
-def _not_inside(boxes, found):
-    """Return the boxes (x0, y0, x1, y1) that hold no centre of a finding and lie in none."""
-    if not (found and len(boxes)):
-        return boxes
-    return boxes[_free_boxes(boxes, np.array([f["corners"] for f in found]))]
-
-
-@njit(cache=True, nogil=True)
-def _bounds(quad):
-    """Return (x0, y0, x1, y1) of a quad (4, 2)."""
-    return quad[:, 0].min(), quad[:, 1].min(), quad[:, 0].max(), quad[:, 1].max()
-
-
-@njit(cache=True, nogil=True)
-def _free_boxes(boxes, corners):
-    """Return bool (n,): whether a box (n, 4) neither holds the centre of a quad's bounds (m, 4, 2) nor lies within."""
-    free = np.ones(len(boxes), np.bool_)
-    for k in range(len(corners)):
-        x0, y0, x1, y1 = _bounds(corners[k])
-        x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
-        for j in range(len(boxes)):
-            a, b, c, d = boxes[j]
-            if (a < x < c and b < y < d) or (x0 < a and c < x1 and y0 < b and d < y1):
-                free[j] = False
-    return free
-
-
-@njit(cache=True, nogil=True)
-def _first_of_each(corners):
-    """Return bool (n,): whether a quad (n, 4, 2) lies apart from all before it that do."""
-    kept = np.ones(len(corners), np.bool_)
-    for k in range(len(corners)):
-        x0, y0, x1, y1 = _bounds(corners[k])
-        reach = 0.25 * max(x1 - x0, y1 - y0)
-        x, y = corners[k, :, 0].mean(), corners[k, :, 1].mean()
-        for j in range(k):
-            apart = max(abs(x - corners[j, :, 0].mean()), abs(y - corners[j, :, 1].mean()))
-            if kept[j] and apart < reach:
-                kept[k] = False
-    return kept
-
-
-def best_of_each(found):
-    """Return the findings without second sightings of one place: fewer wrong bits first, then more contrast."""
-    found = sorted(found, key=lambda f: (f["wrong"], -f["contrast"]))
-    if len(found) < 2:
-        return found
-    kept = _first_of_each(np.array([f["corners"] for f in found]))
-    return [f for f, first in zip(found, kept, strict=True) if first]
 
 
 def make_detector(dictionaries, **parameters):

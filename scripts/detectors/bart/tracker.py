@@ -8,13 +8,13 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from detectors.bart import PARAMETERS, best_of_each, make_detector
 from detectors.bart.filter import PoseFilter
-from detectors.bart.motion import LEAST_MARKERS, goes_along, points_at, project, rigid_motion, sides_moved
-from detectors.contract import DEFAULT_DICTIONARIES, Detection, estimate_poses, grey_image
+from detectors.bart.motion import LEAST_MARKERS, goes_along, rigid_motion, sides_moved
+from detectors.bart.track import Track, Tracked
+from detectors.contract import DEFAULT_DICTIONARIES, estimate_poses, grey_image
 
 TRACKER_PARAMETERS = {
     # Look first where markers were; False searches every frame whole: no memory, several times slower.
@@ -55,21 +55,6 @@ FOLLOWED_AT_ONCE = 8  # markers between two looks at the clock
 LOOK_AGAIN_SIDES = 0.2  # so far from where it was looked for must a marker have been carried to be worth another look
 
 
-@dataclass(frozen=True, eq=False)
-class Tracked(Detection):
-    """A marker in a frame of a sequence.
-
-    seen      False where it was carried on by its motion, through an occlusion
-    poses     as measured, both planar ones (rvec, tvec, reprojection RMS); empty without K, code_m or when not seen
-    rvec, tvec  ``T_cam_marker`` after filter and flip; None without K and code_m
-    """
-
-    seen: bool
-    poses: list
-    rvec: np.ndarray | None
-    tvec: np.ndarray | None
-
-
 @dataclass(frozen=True)
 class Frame:
     """What is known of one frame: ``markers`` (list of Tracked), ``partial`` (the budget ran out), ``ms`` it took."""
@@ -77,66 +62,6 @@ class Frame:
     markers: list
     partial: bool
     ms: float
-
-
-class _Track:
-    """One marker's corners and their speed in the image, and its pose filter."""
-
-    def __init__(self, detection, pose_filter, seen):
-        self.name, self.id = detection.dictionary, detection.id
-        self.corners = detection.corners
-        self.speed = np.zeros((4, 2))  # pixels a second
-        self.before = None  # corners, speed and pose (R, t or None) of the last frame
-        self.along = True  # moved with the other markers when last seen
-        self.carried = False  # with the camera, in the present frame
-        self.seen = seen  # in the present frame
-        self.confirmed = seen  # False while found in an older frame only
-        self.missed = 0  # frames since it was seen
-        self.looked_for = -1  # the last frame in which there was time to
-        self.unseen_s = 0.0
-        self.filter = pose_filter
-        self.poses = []
-
-    def advance(self, dt):
-        """Move on by ``dt`` seconds: where the marker is expected, and not yet seen."""
-        known = self.filter is not None and self.filter.x is not None
-        self.before = self.corners, self.speed, (self.filter.R, self.filter.x[:3]) if known else None
-        self.corners = self.corners + dt * self.speed
-        self.unseen_s += dt
-        self.seen = self.carried = False
-        if self.filter is not None:
-            self.filter.predict(dt)
-
-    def points_before(self, K, dist):
-        """Return the corners (4, 3) of the last frame in its camera's frame: as seen, at the depth of its pose."""
-        corners, _, (R, t) = self.before
-        return points_at(corners, self.filter.square @ R[2] + t[2], K, dist)
-
-    def carry(self, motion, K, dist, dt):
-        """Go on with the camera's motion (rotation, place) from where the marker was in the last frame."""
-        corners, _, (R, t) = self.before
-        turn = cv2.Rodrigues(motion[0])[0]
-        self.corners = project(self.points_before(K, dist)[None], turn, motion[1], K, dist)[0]
-        self.speed = (self.corners - corners) / dt
-        self.filter.carry(R, t, *motion, dt)
-        self.carried = True
-
-    def see(self, corners):
-        """Take in the corners measured in the present frame."""
-        if self.confirmed and self.unseen_s > 0:
-            # Corners are exact, their speed is not: half of what was unexpected goes into it.
-            self.speed = self.speed + 0.5 * (corners - self.corners) / self.unseen_s
-        self.corners = corners
-        self.seen = self.confirmed = True
-        self.missed, self.unseen_s = 0, 0.0
-        self.carried = False
-
-    def miss(self):
-        """Note that the marker was not seen: it goes on, ever more slowly where nothing tells how."""
-        self.missed += 1
-        if not self.carried:
-            self.speed = 0.9 * self.speed
-        self.poses = []
 
 
 class _Search:
@@ -324,7 +249,7 @@ class Tracker:
         for d in detections:
             track = known.get((d.dictionary, d.id))
             if track is None:
-                track = _Track(d, self._new_filter(d), seen)
+                track = Track(d, self._new_filter(d), seen)
                 self.tracks.append(track)
             elif track.seen:
                 continue

@@ -1,4 +1,4 @@
-"""What may be hidden: 29 effects of the library's list and ten outside it, each drawn at a strength in
+"""What may be hidden: the 29 effects of the library's list, and ten outside it (outside.py), each drawn at a strength in
 physical units.
 
 ``strength`` 1 is *clear*: comfortably visible on this rig. Deviations from the ideal are proportional to it,
@@ -9,16 +9,8 @@ what the sealed truth holds.
 import numpy as np
 
 from generator import nominal
-
-
-def _sign(rng):
-    return 1.0 if rng.random() < 0.5 else -1.0
-
-
-def _direction(rng, n):
-    v = rng.standard_normal(n)
-    return v / np.linalg.norm(v)
-
+from generator.draws import direction, sign
+from generator.outside import OUTSIDE
 
 # scene
 
@@ -28,28 +20,28 @@ def camera_pose_offset(rng, s, camera):
     frame.
     """
     return {
-        "centre_cam_m": s * rng.uniform(0.010, 0.020) * _direction(rng, 3),
-        "rotvec_cam_deg": s * rng.uniform(1.0, 1.8) * _direction(rng, 3),
+        "centre_cam_m": s * rng.uniform(0.010, 0.020) * direction(rng, 3),
+        "rotvec_cam_deg": s * rng.uniform(1.0, 1.8) * direction(rng, 3),
     }
 
 
 def marker_scale(rng, s, camera):
     """Codes printed 2.5 to 5 % too large or too small."""
-    return {"scale": 1 + s * _sign(rng) * rng.uniform(0.025, 0.05)}
+    return {"scale": 1 + s * sign(rng) * rng.uniform(0.025, 0.05)}
 
 
 def rail_sag(rng, s, camera):
     """Plates on an arc of a circle through y = 0 and y = 2.1 m at height 0, 8 to 18 mm below (or above) it in
     the middle.
     """
-    return {"sag_m": s * _sign(rng) * rng.uniform(0.008, 0.018), "y_start_m": 0.0, "y_end_m": 2.1}
+    return {"sag_m": s * sign(rng) * rng.uniform(0.008, 0.018), "y_start_m": 0.0, "y_end_m": 2.1}
 
 
 def ink_spread(rng, s, camera):
     """The outline of black moved outwards by 0.35 to 0.8 mm (Euclidean: outer corners round off), or
     inwards.
     """
-    return {"spread_m": s * _sign(rng) * rng.uniform(0.00035, 0.0008)}
+    return {"spread_m": s * sign(rng) * rng.uniform(0.00035, 0.0008)}
 
 
 def ink_reflectance(rng, s, camera):
@@ -89,12 +81,12 @@ def specular_highlight(rng, s, camera):
 
 def focal_length(rng, s, camera):
     """Focal length 1.5 to 4 % off."""
-    return {"ratio": 1 + s * _sign(rng) * rng.uniform(0.015, 0.04)}
+    return {"ratio": 1 + s * sign(rng) * rng.uniform(0.015, 0.04)}
 
 
 def principal_point(rng, s, camera):
     """Principal point 10 to 25 px off (of 960 px width)."""
-    shift = s * rng.uniform(10, 25) * camera.width / 960 * _direction(rng, 2)
+    shift = s * rng.uniform(10, 25) * camera.width / 960 * direction(rng, 2)
     return {"dx_px": shift[0], "dy_px": shift[1]}
 
 
@@ -103,7 +95,7 @@ def radial_distortion(rng, s, camera):
     division model.
     """
     r2 = (camera.corner_px / camera.fx) ** 2
-    corner = s * _sign(rng) * rng.uniform(0.04, 0.09)
+    corner = s * sign(rng) * rng.uniform(0.04, 0.09)
     if rng.random() < 0.25:
         return {"model": "division", "lambda": -corner / r2}
     tail = rng.uniform(-0.25, 0.25)
@@ -114,13 +106,13 @@ def tangential_distortion(rng, s, camera):
     """Decentring p1, p2 that moves the corners by 5 to 11 px (of 960 px width)."""
     r2 = (camera.corner_px / camera.fx) ** 2
     size = s * rng.uniform(5, 11) * camera.width / 960 / (2 * camera.fx * r2)
-    p = size * _direction(rng, 2)
+    p = size * direction(rng, 2)
     return {"p1": p[0], "p2": p[1]}
 
 
 def lateral_chromatic_aberration(rng, s, camera):
     """Red and blue magnified by 0.15 to 0.35 % more or less than green, mostly to opposite sides."""
-    side = _sign(rng)
+    side = sign(rng)
     return {
         "red": 1 + s * side * rng.uniform(0.0015, 0.0035),
         "blue": 1 - s * side * rng.uniform(0.0005, 0.0035),
@@ -172,7 +164,7 @@ def rolling_shutter(rng, s, camera):
     """Rows read one after the other: a uniform shear, or a camera that turns (mostly pans) and slides; 0.006
     to 0.014 px a row.
     """
-    skew = s * _sign(rng) * rng.uniform(0.006, 0.014)
+    skew = s * sign(rng) * rng.uniform(0.006, 0.014)
     if rng.random() < 0.5:
         return {"model": "shear", "skew_px_per_row": skew}
     return {
@@ -222,7 +214,7 @@ def bayer_demosaic(rng, s, camera):
 
 def colour_balance(rng, s, camera):
     """White balance in linear light: red and blue off by 6 to 15 %, green kept."""
-    side = _sign(rng)
+    side = sign(rng)
     return {
         "red": 1 + s * side * rng.uniform(0.06, 0.15),
         "green": 1.0,
@@ -234,7 +226,7 @@ def tone_curve(rng, s, camera):
     """A monotone spline on encoded values through 0 and 255, bent by 10 to 20 DN: an arch, or an S."""
     x = np.array([0.0, 64.0, 128.0, 192.0, 255.0])
     shape = np.array([0, 0.8, 1, 0.7, 0]) if rng.random() < 0.5 else np.array([0, -1.0, 0, 0.9, 0])
-    y = x + s * _sign(rng) * rng.uniform(10, 20) * shape
+    y = x + s * sign(rng) * rng.uniform(10, 20) * shape
     return {"in_dn": x, "out_dn": np.maximum.accumulate(np.clip(y, 0, 255))}
 
 
@@ -272,96 +264,12 @@ def local_warp(rng, s, camera):
     ideal u + push.
     """
     n = 5
-    pushes = np.array([_direction(rng, 2) for _ in range(n)]) * rng.uniform(0.5, 1.0, (n, 1))
+    pushes = np.array([direction(rng, 2) for _ in range(n)]) * rng.uniform(0.5, 1.0, (n, 1))
     pushes *= s * rng.uniform(2.5, 5.0) * camera.width / 960 / np.linalg.norm(pushes, axis=1).max()
     return {
         "centres_px": rng.uniform(0, 1, (n, 2)) * [camera.width, camera.height],
         "widths_px": rng.uniform(0.12, 0.25, n) * camera.width,
         "pushes_px": pushes,
-    }
-
-
-# outside the list
-
-
-def lens_flare(rng, s, camera):
-    """Ghost discs on a line through the centre and a star, from a light outside the picture, the same in
-    every capture.
-    """
-    angle, reach = rng.uniform(0, 2 * np.pi), rng.uniform(0.25, 0.4) * camera.width
-    ghosts = [
-        [
-            camera.cx + k * reach * np.cos(angle),
-            camera.cy + 0.5 * k * reach * np.sin(angle),
-            camera.width * rng.uniform(0.03, 0.09),
-            s * rng.uniform(0.08, 0.16),
-        ]
-        for k in (-0.9, -0.35, 0.4)
-    ]
-    star = [
-        camera.cx + 1.1 * reach * np.cos(angle),
-        camera.cy + 0.55 * reach * np.sin(angle),
-        0.08 * camera.width,
-        s * rng.uniform(0.3, 0.5),
-    ]
-    return {"ghosts": ghosts, "star": star}
-
-
-def plate_curl(rng, s, camera):
-    """Every plate bent to an arch (or a trough), its middle 4 to 8 mm off its edges."""
-    return {"rise_m": s * _sign(rng) * rng.uniform(0.004, 0.008), "axis": int(rng.integers(0, 2))}
-
-
-def mains_flicker(rng, s, camera):
-    """Rows brighter and darker by 6 to 12 %, a period of 110 to 260 rows, a new phase in every capture."""
-    return {"depth": s * rng.uniform(0.06, 0.12), "period_rows": rng.uniform(110, 260)}
-
-
-def hot_pixels(rng, s, camera):
-    """0.3 to 0.8 % of the pixels stuck at full or at nothing, the same in every capture."""
-    return {"share": s * rng.uniform(0.003, 0.008)}
-
-
-def print_skew(rng, s, camera):
-    """Codes printed out of square: sheared by 2.5 to 5 %, and longer than wide by 0 to 3 %."""
-    return {
-        "shear": s * _sign(rng) * rng.uniform(0.025, 0.05),
-        "stretch": s * _sign(rng) * rng.uniform(0.0, 0.03),
-    }
-
-
-def plate_tilt_jitter(rng, s, camera):
-    """Each plate at its own tilt and twist, 2 to 4 degrees standard deviation per axis."""
-    return {"angle_deg": s * rng.uniform(2.0, 4.0)}
-
-
-def lens_dust(rng, s, camera):
-    """Four to seven soft dark spots, 25 to 50 % deep, at the same places in every capture."""
-    n = int(rng.integers(4, 8))
-    place = rng.uniform(0.1, 0.9, (n, 2)) * [camera.width, camera.height]
-    size = rng.uniform(0.015, 0.04, n) * camera.width
-    depth = np.minimum(s * rng.uniform(0.25, 0.5, n), 0.95)
-    return {"spots": np.column_stack([place, size, depth])}
-
-
-def haze(rng, s, camera):
-    """Light lost and air-light gained with distance: 0.12 to 0.3 a metre, air-light 0.5 to 0.7."""
-    return {"per_m": s * rng.uniform(0.12, 0.3), "airlight": rng.uniform(0.5, 0.7)}
-
-
-def interlacing(rng, s, camera):
-    """Odd and even rows taken one after the other by a turning camera: 2 to 5 px apart."""
-    turn = s * _sign(rng) * rng.uniform(2, 5) / camera.fx
-    return {"turn_rad_between_fields": [0.0, turn, 0.0]}
-
-
-def ghost_double(rng, s, camera):
-    """A second image, 10 to 20 % of the light, 8 to 22 px away."""
-    angle, reach = rng.uniform(0, 2 * np.pi), rng.uniform(8, 22)
-    return {
-        "share": s * rng.uniform(0.10, 0.20),
-        "dx_px": round(reach * np.cos(angle)),
-        "dy_px": round(reach * np.sin(angle)),
     }
 
 
@@ -373,11 +281,8 @@ _LENS = (focal_length, principal_point, radial_distortion, tangential_distortion
 _SHUTTER = (motion_blur, rolling_shutter)
 _SENSOR = (exposure, sensor_noise, fixed_pattern_noise, bayer_demosaic)
 _PROCESSING = (colour_balance, tone_curve, sharpening, denoising, jpeg_compression, local_warp)
-_OUTSIDE = (lens_flare, plate_curl, mains_flicker, hot_pixels, print_skew, plate_tilt_jitter, lens_dust, haze,
-            interlacing, ghost_double)  # fmt: skip
 
 LIBRARY = {f.__name__: f for f in _SCENE + _LENS + _SHUTTER + _SENSOR + _PROCESSING}
-OUTSIDE = {f.__name__: f for f in _OUTSIDE}
 
 
 def _plain(value):

@@ -1,0 +1,126 @@
+"""docs/benchmarks.md says what docs/benchmarks.csv holds, and a measurement replaces the one before it."""
+
+import subprocess
+
+import pandas as pd
+import pytest
+
+import record
+import run_benchmarks
+from workflow_runs import PROJECT
+
+
+def row(what, command, **more):
+    """Return a row of figures, measured unless it is told otherwise."""
+    stamp = {"figure": "1", "unit": "px", "commit": "0123456", "date": "2026-01-02", "machine": "a machine"}
+    return {"what": what, "aim": "", **stamp, "command": command, **more}
+
+
+def table(*rows):
+    """Return a table of figures."""
+    return pd.DataFrame(rows, columns=record.COLUMNS, dtype=str)
+
+
+def test_the_page_is_what_the_table_makes():
+    """Fails if the page was edited by hand, or the table without writing the page."""
+    figures = record.read_figures(PROJECT / "docs/benchmarks.csv")
+    assert (PROJECT / "docs/benchmarks.md").read_text(encoding="utf-8") == record.page_of(figures)
+
+
+def test_every_row_of_a_benchmark_is_one_that_it_records():
+    """Fails if a benchmark calls a figure otherwise than the table: it would stand there twice, once without its aim."""
+    texts = [path.read_text(encoding="utf-8") for path in (PROJECT / "tests/bench").glob("*.py")]
+    figures = record.read_figures(PROJECT / "docs/benchmarks.csv")
+    told = figures[figures.command.str.startswith("python tests/bench/")]
+    assert len(told) and [what for what in told.what if not any(f'"{what}"' in text for text in texts)] == []
+
+
+def test_no_figure_stands_twice():
+    """Fails if two rows have one name and one command: a measurement would renew only the first."""
+    figures = record.read_figures(PROJECT / "docs/benchmarks.csv")
+    assert not figures.duplicated(["what", "command"]).any()
+
+
+def test_a_measurement_replaces_the_last_one_and_keeps_its_aim():
+    """Fails if a row is added instead, another command's row is touched, or the aim is lost."""
+    old = table(row("blur", "a", aim="at most 2 px"), row("blur", "b"), row("edges", "a"))
+    new = record.upsert(old, [{k: v for k, v in row("blur", "a", figure="3").items() if k != "aim"}])
+    assert (
+        new.values.tolist()
+        == table(row("blur", "a", aim="at most 2 px", figure="3"), row("blur", "b"), row("edges", "a")).values.tolist()
+    )
+    assert old.figure[0] == "1"
+
+
+def test_a_first_measurement_fills_the_row_that_waits_for_it():
+    """Fails if a row without command stays as not measured beside its figure."""
+    waiting = row("blur", "", aim="0", figure="", unit="", commit="", date="", machine="")
+    new = record.upsert(table(waiting), [{k: v for k, v in row("blur", "a").items() if k != "aim"}])
+    assert new.values.tolist() == table(row("blur", "a", aim="0")).values.tolist()
+
+
+def test_a_figure_that_the_table_lacks_is_added_at_its_end():
+    """Fails if it is dropped, or takes the place of another."""
+    assert record.upsert(table(row("blur", "a")), [row("noise", "a")]).what.tolist() == ["blur", "noise"]
+
+
+def test_what_nobody_measured_is_said_on_the_page():
+    """Fails if an empty figure looks like a figure, or figures as text lose digits."""
+    assert record.NOT_MEASURED in record.page_of(table(row("blur", "a", figure="")))
+    assert " 0.20 " in record.page_of(table(row("noise", "a", figure="0.20", unit=""), row("blur", "a", unit="")))
+
+
+def test_recording_writes_table_and_page(tmp_path):
+    """Fails if a benchmark's figures do not reach the page, or their date, machine and commit are left out."""
+    path = tmp_path / "benchmarks.csv"
+    table(row("blur", "a", aim="2")).to_csv(path, index=False)
+    record.record([("blur", 0.123456, "px"), ("count", 7, "files")], command="a", table_path=path)
+    figures = record.read_figures(path)
+    assert figures.figure.tolist() == ["0.12", "7"] and figures.aim.tolist() == ["2", ""]
+    assert (figures[["commit", "date", "machine"]] != "").all(axis=None)
+    assert path.with_suffix(".md").read_text() == record.page_of(figures)
+
+
+@pytest.mark.parametrize(("figure", "text"), [(0.00123456, "0.0012"), (5.44, "5.4"), (25.63, "26"), (412.4, "412")])
+def test_numbers_have_two_digits_that_count(figure, text):
+    """Fails if small figures are rounded to nothing or large ones lose whole units."""
+    assert record.as_text(figure) == text
+
+
+def test_a_commit_with_changes_is_marked(tmp_path):
+    """Fails if figures of changed code pass as those of a commit; the page that they are written to is no change."""
+
+    def git(*arguments):
+        subprocess.run(["git", "-C", str(tmp_path), *arguments], check=True, capture_output=True)
+
+    assert record.commit_of(tmp_path) == "unknown"
+    git("init", "-q")
+    (tmp_path / "docs").mkdir()
+    for name in ("code.py", "docs/benchmarks.csv"):
+        (tmp_path / name).write_text("1\n")
+    git("add", ".")
+    git("-c", "user.name=a", "-c", "user.email=a@b", "commit", "-qm", "first")
+    (tmp_path / "docs/benchmarks.csv").write_text("2\n")
+    clean = record.commit_of(tmp_path)
+    assert len(clean) == 7
+    (tmp_path / "code.py").write_text("2\n")
+    assert record.commit_of(tmp_path) == f"{clean}+"
+
+
+def test_outcomes_of_blind_trials_become_figures(tmp_path):
+    """Fails if a kind without trials is told as a figure, or the interval is left out."""
+    (tmp_path / "summary.csv").write_text(
+        "what,aim_pct,hits,trials,share_pct,low_pct,high_pct\nsingle,95,9,10,90.0,59.6,98.2\npair,85,0,0,,,\n"
+    )
+    (tmp_path / "power.csv").write_text("hidden,0.25,0.5,smallest_seen,was\na,1.0,1.0,0.25,x\nb,0.0,1.0,0.5,y\n")
+    assert run_benchmarks.trial_figures(tmp_path) == [
+        ("single", "9 of 10 (60 to 98 %)", ""),
+        ("a quarter of the clear strength: named alone", "1 of 2", ""),
+    ]
+
+
+def test_an_unknown_benchmark_is_refused(capsys):
+    """Fails if a misspelt name measures nothing and says so to nobody, or measures all."""
+    with pytest.raises(SystemExit):
+        run_benchmarks.main(["geometri"])
+    assert "geometry" in capsys.readouterr().err
