@@ -20,7 +20,7 @@ import numpy as np
 from mathutils import Matrix
 
 from blender.edges import edge_pixels, edge_segments, overlooked_jumps
-from effects.base import FRESNEL_RISE
+from effects.base import FRESNEL_RISE, levelling
 from rig.geometry import invert_pose
 from rig.plates import spread_ink
 
@@ -315,7 +315,12 @@ class Renderer:
         along_x = _math(tree, "MULTIPLY", position.outputs["X"], _value(tree, light["gradient_x"]))
         forward = _math(tree, "SUBTRACT", position.outputs["Y"], _value(tree, 1.0))
         along_y = _math(tree, "MULTIPLY", forward, _value(tree, light["gradient_y"]))
-        total = _math(tree, "ADD", _math(tree, "ADD", along_x, along_y), _value(tree, 1 - light["lamp_share"]))
+        tilt = _math(tree, "ADD", along_x, along_y)
+        if levelling(light):
+            squared = _math(tree, "MULTIPLY", _math(tree, "MULTIPLY", tilt, tilt), _value(tree, levelling(light)))
+            length = _math(tree, "SQRT", _math(tree, "ADD", squared, _value(tree, 1.0)), _value(tree, 0.0))
+            tilt = _math(tree, "DIVIDE", tilt, length)
+        total = _math(tree, "ADD", tilt, _value(tree, 1 - light["lamp_share"]))
         if light["lamp_share"]:
             total = _math(tree, "ADD", total, self._near_lamp(tree, geometry, position))
         return _math(tree, "MINIMUM", _math(tree, "MAXIMUM", total, _value(tree, 0.0)), _value(tree, 4.0))

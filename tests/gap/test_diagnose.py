@@ -153,6 +153,27 @@ def test_a_warp_is_there_though_none_of_its_waves_is_certain_by_itself():
     assert not is_there("local_warp", dict.fromkeys(waves, 0.01), uncertain)
 
 
+@pytest.mark.parametrize(
+    ("others", "compared"),
+    [([], 0), ([("exposure", {"scale": 2.0})], 0), ([("denoising", {"strength_dn": 9.0})], 2)],
+    ids=["alone", "beside another stage", "beside what lies between two places"],
+)
+def test_places_are_compared_only_where_they_make_a_difference(others, compared):
+    """Fails if each place cost predictions for the same image, or the better one were not taken."""
+    tried = []
+
+    def residuals_at(i, effects, pose):
+        tried.append(dict(effects)["tone_curve"]["place"])
+        return {"levels": np.array([3.0 - tried[-1]]), "pose": np.zeros(6)}
+
+    diagnosis = object.__new__(Diagnosis)
+    diagnosis.train, diagnosis.fitter = [0], SimpleNamespace(residuals_at=residuals_at)
+    curve = library.nulls_of("tone_curve") | {"lift_at_50_pct_dn": 9.0, "place": 0.0}
+    best = diagnosis.best_leap("tone_curve", curve, others, ["place"], np.zeros((1, 6)))
+    assert len(tried) == compared
+    assert best == curve | ({"place": 1.0} if compared else {})
+
+
 def test_strong_fringes_are_fitted_from_afar(tmp_path):
     """A robust loss that narrows before the fit has come near leaves colours where they were, and a false remainder."""
     case, truth = generated_case(tmp_path, "single", "lateral_chromatic_aberration", seed="far off", strength=2.0)
