@@ -2,7 +2,7 @@
 
 import bpy
 
-from effects.base import FRESNEL_RISE
+from effects.base import FRESNEL_RISE, levelling
 
 
 def emitting_material(scene, name, radiance, glossy):
@@ -35,7 +35,12 @@ def _light(light, tree):
     along_x = combine(tree, "MULTIPLY", position.outputs["X"], constant(tree, light["gradient_x"]))
     forward = combine(tree, "SUBTRACT", position.outputs["Y"], constant(tree, 1.0))
     along_y = combine(tree, "MULTIPLY", forward, constant(tree, light["gradient_y"]))
-    total = combine(tree, "ADD", combine(tree, "ADD", along_x, along_y), constant(tree, 1 - light["lamp_share"]))
+    tilt = combine(tree, "ADD", along_x, along_y)
+    if levelling(light):
+        squared = combine(tree, "MULTIPLY", combine(tree, "MULTIPLY", tilt, tilt), constant(tree, levelling(light)))
+        length = combine(tree, "SQRT", combine(tree, "ADD", squared, constant(tree, 1.0)), constant(tree, 0.0))
+        tilt = combine(tree, "DIVIDE", tilt, length)
+    total = combine(tree, "ADD", tilt, constant(tree, 1 - light["lamp_share"]))
     if light["lamp_share"]:
         total = combine(tree, "ADD", total, _near_lamp(light, tree, geometry, position))
     return combine(tree, "MINIMUM", combine(tree, "MAXIMUM", total, constant(tree, 0.0)), constant(tree, 4.0))

@@ -6,6 +6,7 @@ import numpy as np
 
 FRESNEL_RISE = 0.96 / 0.04  # of the reflectance of glass, from straight to grazing
 STAGES = ("scene", "lens", "shutter", "sensor", "processing")
+PARTS = 144  # of the light that an effect spreads, where it asks for no fewer: square and 4 m^2
 AFFECTED = ("geometry", "point_spread", "intensity")
 
 
@@ -98,9 +99,10 @@ class View:
 def light_factor(light, x, y):
     """Return by what the light on the ground at x, y (metres, any shape) exceeds the even one, 0 to 4.
 
-    1 + gradient_x x + gradient_y (y - 1) + lamp_share (E(x, y) / E(0, 1) - 1): a tilt in 1/m, and a share of the light
-    that comes from a lamp at (lamp_x_m, lamp_y_m, lamp_height_m) whose irradiance E falls as h / d^3 (Lambert's cosine
-    and inverse square laws).
+    1 + t + lamp_share (E(x, y) / E(0, 1) - 1): a tilt t = gradient_x x + gradient_y (y - 1), gradients in 1/m, that levels
+    off with the distance d from (0, 1) along it, t / sqrt(1 + levelling_per_m2 d^2); and a share of the light that comes
+    from a lamp at (lamp_x_m, lamp_y_m, lamp_height_m) whose irradiance E falls as h / d^3 (Lambert's cosine and inverse
+    square laws).
     """
 
     def irradiance(x, y):
@@ -109,7 +111,16 @@ def light_factor(light, x, y):
         return h / (squared * np.sqrt(squared))
 
     tilt = light["gradient_x"] * x + light["gradient_y"] * (y - 1.0)
+    bend = levelling(light)
+    if bend:
+        tilt = tilt / np.sqrt(1 + bend * tilt * tilt)
     return np.clip(1 + tilt + light["lamp_share"] * (irradiance(x, y) / irradiance(0.0, 1.0) - 1), 0, 4)
+
+
+def levelling(light):
+    """Return how a light's tilt t levels off: the factor of t^2 in t / sqrt(1 + factor t^2); 0 where it does not."""
+    steepness = light["gradient_x"] ** 2 + light["gradient_y"] ** 2
+    return light["levelling_per_m2"] / steepness if steepness else 0.0
 
 
 def highlight_radiance(highlight, view, x, y):

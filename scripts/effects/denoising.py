@@ -1,18 +1,21 @@
-"""Denoising: smoothing that keeps edges.
+"""Denoising: smoothing, most of it of a kind that keeps edges.
 
-A bilateral filter, range strength_dn, reach in space reach_px; and a share median_share of a 3 x 3 median. Sources: Tomasi
-and Manduchi, "Bilateral filtering for gray and color images" (1998); Tukey, "Exploratory Data Analysis" (1977).
+A bilateral filter, range strength_dn, reach in space reach_px; a share median_share of a median of 3 x 3 pixels, or of
+5 x 5; and a share average_share of a plain average, Gaussian or over a square. Sources: Tomasi and Manduchi, "Bilateral
+filtering for gray and color images" (1998); Tukey, "Exploratory Data Analysis" (1977).
 """
 
 import cv2
 import numpy as np
 
 from effects.base import Parameter
+from effects.filters import box, box_taps, gaussian, gaussian_taps
 
 STAGE, ORDER = "processing", 30
 AFFECTS = "intensity"
 DIAMETER_PX = 9  # of the bilateral filter's window: 7 cut off a reach of 1.8 px
-MEDIAN_PX = 3
+MEDIAN_PX, WIDE_MEDIAN_PX = 3, 5
+TAPS = 2 * 16 + 1  # more than the widest average has
 PARAMETERS = {
     "strength_dn": Parameter(
         unit="dn", lower=0.0, upper=80.0, null=0.0, matters=0.5, doc="standard deviation of levels that are averaged"
@@ -27,8 +30,42 @@ PARAMETERS = {
         auxiliary=True,
     ),
     "median_share": Parameter(unit="1", lower=0.0, upper=1.0, null=0.0, matters=0.1, doc="share of the median"),
+    "median_wide": Parameter(
+        unit="1",
+        lower=0.0,
+        upper=1.0,
+        null=0.0,
+        matters=0.2,
+        doc="of which over 5 x 5 pixels, not 3 x 3",
+        auxiliary=True,
+    ),
+    "average_share": Parameter(unit="1", lower=0.0, upper=1.0, null=0.0, matters=0.1, doc="share of the average"),
+    "average_px": Parameter(
+        unit="px",
+        lower=0.4,
+        upper=3.0,
+        null=0.8,
+        matters=0.1,
+        doc="standard deviation of the distance over which it goes",
+        auxiliary=True,
+    ),
+    "average_square": Parameter(
+        unit="1",
+        lower=0.0,
+        upper=1.0,
+        null=0.0,
+        matters=0.2,
+        doc="of which over a square, not Gaussian",
+        auxiliary=True,
+    ),
 }
-STARTS = ({"strength_dn": 2.0}, {"strength_dn": 8.0}, {"strength_dn": 20.0}, {"median_share": 0.7})
+STARTS = (
+    {"strength_dn": 2.0},
+    {"strength_dn": 8.0},
+    {"strength_dn": 20.0},
+    {"median_share": 0.7},
+    {"average_share": 0.5},
+)
 
 
 def bilateral(plane, p):
@@ -38,13 +75,44 @@ def bilateral(plane, p):
     return cv2.bilateralFilter(plane, DIAMETER_PX, p["strength_dn"], p["reach_px"])
 
 
+def median(plane, p):
+    """Return a channel's median, over the narrow window, the wide one or mixed."""
+    narrow = cv2.medianBlur(plane, MEDIAN_PX)
+    return mixed(narrow, p["median_wide"], lambda: cv2.medianBlur(plane, WIDE_MEDIAN_PX))
+
+
+def average(plane, p):
+    """Return a channel's average, Gaussian, over a square or mixed."""
+    return mixed(gaussian(plane, p["average_px"]), p["average_square"], lambda: box(plane, p["average_px"]))
+
+
+def mixed(image, share, other):
+    """Return an image of which a share is another one, ``other()``, formed where the share is not nil."""
+    return image if share == 0 else image + np.float32(share) * (other() - image)
+
+
 def apply(image, view, p, rng):
     """Filter each channel."""
-    if p["strength_dn"] == 0 and p["median_share"] == 0:
+    if p["strength_dn"] == p["median_share"] == p["average_share"] == 0:
         return image
-    share = np.float32(p["median_share"])
     planes = []
     for plane in (np.ascontiguousarray(image[..., c]) for c in range(image.shape[2])):
-        smooth = bilateral(plane, p)
-        planes.append(smooth if share == 0 else smooth + share * (cv2.medianBlur(plane, MEDIAN_PX) - smooth))
+        smooth = mixed(bilateral(plane, p), p["median_share"], lambda plane=plane: median(plane, p))
+        planes.append(mixed(smooth, p["average_share"], lambda plane=plane: average(plane, p)))
     return np.stack(planes, axis=-1)
+
+
+def centred(taps):
+    """Return odd taps in the middle of TAPS ones."""
+    return np.pad(taps, (TAPS - len(taps)) // 2)
+
+
+def noise_gain(p):
+    """Return by what white noise grows in the average: the root of its kernel's summed squares; 1 of what keeps edges."""
+    share, square = p["average_share"], p["average_square"]
+    if share == 0:
+        return 1.0
+    smooth, flat = centred(gaussian_taps(float(p["average_px"]))), centred(box_taps(p["average_px"]))
+    kernel = share * ((1 - square) * np.outer(smooth, smooth) + square * np.outer(flat, flat))
+    kernel[TAPS // 2, TAPS // 2] += 1 - share
+    return float(np.sqrt((kernel**2).sum()))

@@ -46,6 +46,22 @@ def gaussian(image, sigma_px):
     return out.reshape(image.shape)
 
 
+def box_taps(sigma_px):
+    """Return the odd taps of an average over 2 m + 1 pixels of variance m (m + 1) / 3, mixed with the next wider one."""
+    m = int((np.sqrt(1 + 12 * sigma_px**2) - 1) / 2)
+    share = (3 * sigma_px**2 - m * (m + 1)) / (2 * (m + 1))
+    taps = np.full(2 * m + 3, share / (2 * m + 3))
+    taps[1:-1] += (1 - share) / (2 * m + 1)
+    return taps
+
+
+def box(image, sigma_px):
+    """Return the image averaged over squares of a standard deviation in pixels per axis."""
+    taps = box_taps(sigma_px)
+    out = cv2.sepFilter2D(image, cv2.CV_32F, taps, taps, borderType=cv2.BORDER_REPLICATE)
+    return out.reshape(image.shape)
+
+
 def convolve(image, kernel, border=cv2.BORDER_REPLICATE):
     """Return the image convolved with a kernel (odd, odd)."""
     out = cv2.filter2D(image, cv2.CV_32F, np.ascontiguousarray(kernel[::-1, ::-1]), borderType=border)
@@ -134,8 +150,12 @@ def gaussian_points(n):
     k = np.arange(n)
     radius, angle = np.sqrt(-2 * np.log(1 - (k + 0.5) / n)), k * np.pi * (3 - np.sqrt(5))
     points = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    points -= points.mean(0)
-    return points @ np.linalg.inv(np.linalg.cholesky(points.T @ points / n)).T
+    return standardised(points - points.mean(0))
+
+
+def standardised(points):
+    """Return points (n, 2) about their mean, stretched to a standard deviation of exactly 1 along every line."""
+    return points @ np.linalg.inv(np.linalg.cholesky(points.T @ points / len(points))).T
 
 
 def soft_points(n, softness):
@@ -144,7 +164,8 @@ def soft_points(n, softness):
     ``softness`` is the share of the variance that is Gaussian, 0 to 1.
     """
     gaussian_part = gaussian_points(n)[np.arange(n) * SOFT_STRIDE % n]
-    return np.sqrt(1 - softness) * disc_points(n) + np.sqrt(softness) * gaussian_part
+    points = np.sqrt(1 - softness) * disc_points(n) + np.sqrt(softness) * gaussian_part
+    return standardised(points) if 0 < softness < 1 else points  # so few are not quite independent
 
 
 def soft_disc(softness):

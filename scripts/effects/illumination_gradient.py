@@ -1,7 +1,8 @@
 """The light on the rig changes smoothly over the ground.
 
-Radiance times 1 + gradient_x x + gradient_y (y - 1 m) + lamp_share (E(x, y) / E(0, 1 m) - 1), at least 0: a tilt (the
-first order of any uneven light) and a lamp that is near, E = h / d^3. Source: Lambert's cosine and inverse square laws.
+Radiance times 1 + t + lamp_share (E(x, y) / E(0, 1 m) - 1), at least 0: a tilt t = gradient_x x + gradient_y (y - 1 m)
+(the first order of any uneven light), which may level off a length 1 / sqrt(levelling_per_m2) away, and a lamp that is
+near, E = h / d^3. Source: Lambert's cosine and inverse square laws.
 """
 
 from effects.base import Parameter
@@ -14,6 +15,16 @@ PARAMETERS = {
     ),
     "gradient_y": Parameter(
         unit="1/m", lower=-0.9, upper=0.9, null=0.0, matters=0.01, doc="relative change of light per metre forward"
+    ),
+    "levelling_per_m2": Parameter(
+        unit="1/m^2",
+        lower=0.0,
+        upper=10.0,
+        null=0.0,
+        matters=0.1,
+        doc="inverse square of the length over which the gradient levels off",
+        prior_sd=3.0,
+        auxiliary=True,
     ),
     "lamp_share": Parameter(
         unit="1", lower=0.0, upper=1.0, null=0.0, matters=0.02, doc="share of the light from a near lamp"

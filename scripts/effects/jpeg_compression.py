@@ -209,7 +209,7 @@ def apply(image, view, p, rng):
 
 def noise_gain(p):
     """Return by what noise that is still to be clipped grows: a decoder's levels are clipped."""
-    return 0.0
+    return 0.0 if p["loss"] else 1.0
 
 
 def ways(p, in_colour):

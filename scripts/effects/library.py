@@ -15,13 +15,14 @@ HOOKS = {  # functions that an effect may have, with their parameters
     "change_scene": ("scene", "p"),
     "map_points": ("xy", "view", "p", "channel"),
     "spread": ("xy", "view", "p", "n"),
+    "parts": ("p",),
     "left_to_blur": ("p",),
     "apply": ("image", "view", "p", "rng"),
     "variance": ("linear", "p"),
     "noise_gain": ("p",),
 }
 NEEDED = ("STAGE", "ORDER", "AFFECTS", "PARAMETERS")
-OPTIONAL = ("STARTS", "CHROMATIC", "MAKES_COLOUR", "MIXES_CHANNELS", "PARTS")
+OPTIONAL = ("STARTS", "CHROMATIC", "MAKES_COLOUR", "MIXES_CHANNELS")
 PLACE = "place"  # the parameter that says which of several ORDERs an effect has
 ALIKE = 0.82  # difflib's ratio from which a name is taken for a misspelt one; spread_px and spread have 0.80
 

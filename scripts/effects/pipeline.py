@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from effects.base import PARTS
 from effects.encoding import encode, mean_of_clipped
 from effects.library import acting, effect_named, nulls_of, place_of, spreads_light
 from effects.resampling import fine_map, sample
@@ -18,7 +19,6 @@ from rig.errors import InputError
 GRID_STEP_PX = 8
 DIFFERENCE_PX = 0.01
 LONGEST_STEP_PX = 100.0
-PARTS = 144  # of the light that an effect spreads, where it asks for no fewer: square and 4 m^2
 STRIDES = (1, 29, 53, 83, 113, 137)  # orders in which effects visit their parts, so that none follows another's
 SPARE_PX = 4  # what the interpolation needs beyond the last ray
 
@@ -78,7 +78,7 @@ def light_spread(view, chosen):
     of point i lands shares[k] @ directions[i] beside it.
     """
     found = active(chosen, "spread")
-    parts = max((getattr(module, "PARTS", PARTS) for module, _ in found), default=0)
+    parts = max((module.parts(p) if hasattr(module, "parts") else PARTS for module, p in found), default=0)
 
     def spread(xy):
         directions, shares = [], []
@@ -97,7 +97,7 @@ def left_to_apply(chosen):
     for name, p in chosen:
         rest = getattr(effect_named(name), "left_to_blur", None)
         if rest is not None:
-            left.append((name, rest(p)))
+            left.append((name, rest(nulls_of(name) | dict(p))))
         elif not spreads_light(name):
             left.append((name, p))
     return left

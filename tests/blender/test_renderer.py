@@ -112,10 +112,11 @@ def ground_points(T):
     return points[..., 0], points[..., 1]
 
 
-def test_light_and_highlight_follow_their_formulas(render):
+@pytest.mark.parametrize("levelling_per_m2", [0.0, 4.0])
+def test_light_and_highlight_follow_their_formulas(render, levelling_per_m2):
     """Were Blender's shading another than effects.base says, the fit's fast shading would be fitted to a fiction."""
     lamp = {"x_m": 0.1, "y_m": 1.0, "height_m": 1.2, "strength": 0.4, "roughness": 0.25, "fresnel": 0.8}
-    light = {"gradient_x": 0.3, "gradient_y": -0.2}
+    light = {"gradient_x": 0.3, "gradient_y": -0.2, "levelling_per_m2": levelling_per_m2}
     light |= {"lamp_share": 0.3, "lamp_x_m": -0.6, "lamp_y_m": 0.3, "lamp_height_m": 1.6}
     T = station_pose(0.4, 60)  # no horizon
     got = render(rig(light=light, highlight=lamp), T)

@@ -75,7 +75,7 @@ def run(*arguments):
 def test_the_verdicts_effects_one_after_the_other(place, capsys):
     """The user types one word per effect; the third time there is nothing left, and that is said."""
     assert run("cam") == 0
-    assert load_twin(place).effects == [("lens_blur", {"sigma_px": 0.8312})]
+    assert load_twin(place).effects == [("lens_blur", {"sigma_px": 0.8312, "softness": 1.0})]
     assert "3.20 -> 1.40" in place.read_text() and "+- 0.011" in place.read_text()
     assert run("cam") == 0
     assert load_twin(place).effects[0] == ("ink_spread", {"spread_m": 0.0000212})

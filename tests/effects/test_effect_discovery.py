@@ -161,4 +161,7 @@ def test_a_twin_that_extends_another(tmp_path):
     first = ENTRY.replace("0.8", "0.5") + "  - {effect: vignetting, parameters: {a2: 0.1}}\n"
     (tmp_path / "first/cam.yaml").write_text(first)
     twin = twin_of(tmp_path, ENTRY + "extends: first/cam.yaml\n")
-    assert dict(twin.effects) == {"lens_blur": {"sigma_px": 0.8}, "vignetting": {"a2": 0.1, "a4": 0.0, "a6": 0.0}}
+    assert dict(twin.effects) == {
+        "lens_blur": {"sigma_px": 0.8, "softness": 1.0},
+        "vignetting": {"a2": 0.1, "a4": 0.0, "a6": 0.0},
+    }

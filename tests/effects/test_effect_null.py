@@ -25,11 +25,30 @@ def test_all_of_the_vocabulary_is_there():
     assert set(vocabulary) <= set(EFFECTS)
 
 
+@pytest.fixture
+def nothing_skipped(monkeypatch):
+    """Let the pipeline call effects at their null as well."""
+    monkeypatch.setattr(pipeline, "acting", lambda name, p: library.nulls_of(name) | dict(p))
+
+
+def test_the_pipeline_calls_no_effect_at_its_null(monkeypatch):
+    """Fails if an effect at its null cost time, or a map of points by rounding alone a resampling of the image."""
+    for name in EFFECTS:
+        chosen, v = [(name, library.nulls_of(name))], view()
+        with monkeypatch.context() as patched:
+            for hook in library.HOOKS:
+                if hasattr(EFFECTS[name], hook):
+                    patched.setattr(EFFECTS[name], hook, None)
+            assert pipeline.scene_with_effects(scene(), chosen).plates
+            assert pipeline.light_spread(v, chosen) is None
+            pipeline.form_image(noise_image(1, v, high=1.0)[..., 0], v, chosen, np.random.default_rng(3))
+
+
 @pytest.mark.parametrize("name", having("change_scene"))
-def test_scene_stays(name):
-    """Blender would render again for nothing."""
+def test_scene_stays(name, nothing_skipped):
+    """Fails if Blender would render again for nothing."""
     before = scene()
-    after = EFFECTS[name].change_scene(before, library.nulls_of(name))
+    after = pipeline.scene_with_effects(before, [(name, library.nulls_of(name))])
     assert after.with_(plates=(), T_cam_mount=None) == before.with_(plates=(), T_cam_mount=None)
     np.testing.assert_array_equal(after.T_cam_mount, before.T_cam_mount)
     for a, b in zip(after.plates, before.plates, strict=True):
@@ -39,19 +58,28 @@ def test_scene_stays(name):
 
 @pytest.mark.parametrize("name", having("map_points"))
 @pytest.mark.parametrize("channel", [0, 1, 2])
-def test_points_stay(name, channel):
-    """Points that move by rounding alone still cost nothing of 1e-9 px: the pipeline skips null effects altogether."""
+def test_points_stay(name, channel, nothing_skipped):
+    """Fails if points move by more than the rounding of pixels to rays and back."""
     xy = np.random.default_rng(1).uniform(-50, 250, (100, 2))
-    moved = EFFECTS[name].map_points(xy, view(), library.nulls_of(name), channel)
+    moved = pipeline.map_points(xy, view(), [(name, library.nulls_of(name))], channel)
     np.testing.assert_allclose(moved, xy, atol=1e-10)
-    np.testing.assert_array_equal(pipeline.map_points(xy, view(), [(name, {})], channel), xy)
+
+
+@pytest.mark.parametrize("name", having("spread"))
+def test_light_stays(name, nothing_skipped):
+    """Fails if a part of a point's light lands beside it, or something is left to blur."""
+    v, nulls = view(), library.nulls_of(name)
+    xy = np.random.default_rng(1).uniform(-50, 250, (20, 2))
+    directions, shares = pipeline.light_spread(v, [(name, nulls)])(xy)
+    np.testing.assert_array_equal(shares @ directions, 0.0)
+    assert all(p == nulls for _, p in pipeline.left_to_apply([(name, nulls)]))
 
 
 @pytest.mark.parametrize("name", having("apply"))
 @pytest.mark.parametrize("channels", [1, 3])
 @pytest.mark.parametrize("seeded", [True, False])
 def test_pixels_stay(name, channels, seeded):
-    """The effect's own code leaves each pixel as it is, also beyond the range, with noise and without."""
+    """Fails if the effect's own code changes a pixel, also beyond the range, with noise or without."""
     if channels == 1 and getattr(EFFECTS[name], "MAKES_COLOUR", False):
         channels = 3
     v = view()
@@ -61,14 +89,18 @@ def test_pixels_stay(name, channels, seeded):
     np.testing.assert_array_equal(out, image)
 
 
-@pytest.mark.parametrize("name", list(EFFECTS))
-def test_formed_image_is_the_base(name):
-    """Through the whole chain, noise drawn from the same seed, an effect at its null is no effect."""
-    v = view(noise_dn=1.5)
-    radiance = noise_image(1, v, high=1.0)[..., 0]
-    base = pipeline.form_image(radiance, v, [], np.random.default_rng(3))
-    same = pipeline.form_image(radiance, v, [(name, library.nulls_of(name))], np.random.default_rng(3))
-    np.testing.assert_array_equal(same, base)
+@pytest.mark.parametrize("name", having("apply"))
+def test_formed_image_and_its_noise_stay(name, nothing_skipped):
+    """Fails if, through the whole chain, an effect at its null is another image, or says that noise is more or less."""
+    v, chosen = view(noise_dn=1.5), [(name, library.nulls_of(name))]
+    radiance = noise_image(3, v, high=1.0)
+    levels, noise_dn = pipeline.levels_and_noise(radiance, v, chosen, None)
+    base, base_noise_dn = pipeline.levels_and_noise(radiance, v, [], None)
+    np.testing.assert_array_equal(levels, base)
+    np.testing.assert_array_equal(noise_dn, np.broadcast_to(np.float32(base_noise_dn), np.shape(noise_dn)))
+    quiet = view()  # an effect's own noise would be drawn before the declared one
+    taken = pipeline.photometric(radiance, quiet, chosen, np.random.default_rng(3))
+    np.testing.assert_array_equal(taken, pipeline.photometric(radiance, quiet, [], np.random.default_rng(3)))
 
 
 @pytest.mark.parametrize("name", having("apply"))

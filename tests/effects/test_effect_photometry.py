@@ -6,6 +6,7 @@ import pytest
 from effect_views import MARGIN, noise_image, parameters, view
 
 from effects import encoding, filters, jpeg_compression, library, pipeline
+from effects.base import light_factor
 from effects.motion_blur import smear_kernel
 
 FOUND = library.available_effects()
@@ -33,6 +34,8 @@ def moments(image):
     ("name", "values"),
     [
         ("lens_blur", {"sigma_px": 1.3}),
+        ("lens_blur", {"sigma_px": 1.3, "softness": 0.2}),
+        ("denoising", {"average_share": 1.0, "average_square": 0.5}),
         ("defocus", {"blur_px_per_dioptre": 2.0, "focus_m": 1.5, "softness": 0.4}),
         ("field_curvature", {"sigma_corner_px": 6.0}),
         ("motion_blur", {"dx_px": 5.0, "dy_px": -2.0}),
@@ -49,7 +52,7 @@ def test_even_light_stays(name, values):
 
 
 @pytest.mark.parametrize("sigma", [0.1, 0.3, 0.49, 0.51, 0.8, 1.7, 3.3])
-@pytest.mark.parametrize("blur", [filters.gaussian, filters.disc, filters.soft_disc(0.5)])
+@pytest.mark.parametrize("blur", [filters.gaussian, filters.box, filters.disc, filters.soft_disc(0.5)])
 def test_blurs_spread_what_they_say(blur, sigma):
     """Sampled kernels of a fraction of a pixel spread too little or too much, and jump; a fit would stick there."""
     total, vx, vy = moments(blur(spot(view()), sigma))
@@ -239,6 +242,47 @@ def test_tone_curve_keeps_ends_and_order():
             assert (np.diff(out) > -1e-4).all()
 
 
+def test_medians_of_both_windows():
+    """Fails if the wide median were the narrow one, or its share not what is mixed in."""
+    image = noise_image(1, view())
+    narrow, wide, half = (
+        FOUND["denoising"].apply(image, view(), parameters("denoising", median_share=1.0, median_wide=w), None)[..., 0]
+        for w in (0.0, 1.0, 0.5)
+    )
+    np.testing.assert_allclose(narrow, cv2.medianBlur(image[..., 0], 3), atol=1e-4)
+    np.testing.assert_allclose(wide, cv2.medianBlur(image[..., 0], 5), atol=1e-4)
+    np.testing.assert_allclose(half, (narrow + wide) / 2, atol=1e-4)
+
+
+@pytest.mark.parametrize("square", [0.0, 0.4, 1.0])
+def test_averages_are_of_the_kind_and_size_that_they_say(square):
+    """Fails if a square were a Gaussian, or noise after it were told to be more or less than it is."""
+    p = parameters("denoising", average_share=0.8, average_px=np.sqrt(2 / 3), average_square=square)
+    v = view()
+    out = FOUND["denoising"].apply(spot(v), v, p, None)[..., 0]
+    kernel = out[out.shape[0] // 2 - 1 : out.shape[0] // 2 + 2, out.shape[1] // 2 - 1 : out.shape[1] // 2 + 2]
+    if square == 1.0:
+        np.testing.assert_allclose(kernel, 0.8 / 9 + 0.2 * np.outer([0, 1, 0], [0, 1, 0]), atol=1e-6)
+    total, vx, vy = moments(out[..., None])
+    assert (total, vx, vy) == pytest.approx((1, 0.8 * 2 / 3, 0.8 * 2 / 3), rel=2e-3)
+    noise = np.random.default_rng(2).normal(128, 5, (*out.shape, 1)).astype(np.float32)
+    left = FOUND["denoising"].apply(noise, v, p, None)[FRAME].std() / noise[FRAME].std()
+    assert FOUND["denoising"].noise_gain(p) == pytest.approx(left, rel=0.03)
+
+
+@pytest.mark.parametrize("slope", [(0.4, 0.0), (-0.3, 0.4)])
+def test_a_gradient_levels_off(slope):
+    """Fails if it went on as steeply far away, or another way than along the gradient, or were another one at the middle."""
+    light = parameters("illumination_gradient", gradient_x=slope[0], gradient_y=slope[1], levelling_per_m2=4.0)
+    steepness = np.hypot(*slope)
+    along = np.array([-50.0, -1e-4, 0.0, 1e-4, 50.0])[:, None] * np.array(slope) / steepness
+    got = light_factor(light, along[:, 0], 1 + along[:, 1])
+    assert got[[0, 4]] == pytest.approx([1 - steepness / 2, 1 + steepness / 2], rel=1e-3)  # a length of half a metre
+    assert (got[3] - got[1]) / 2e-4 == pytest.approx(steepness, rel=1e-5)
+    across = 0.7 * np.array([-slope[1], slope[0]]) / steepness
+    assert light_factor(light, across[0], 1 + across[1]) == pytest.approx(1.0)
+
+
 CURVE = {"lift_at_30_pct_dn": 12.0, "lift_at_50_pct_dn": 18.0, "lift_at_70_pct_dn": 10.0}
 SMOOTH, SHARP = ("denoising", {"strength_dn": 20.0}), ("sharpening", {"amount": 1.0})
 
@@ -303,7 +347,8 @@ def test_colour_only_where_there_is_colour():
 def test_images_stay_single_precision(name):
     """The next effect's filter may take no other: OpenCV's bilateral filter ends with an error."""
     v = view()
-    starts = {k: value + 0.01 for k, value in library.starts_of(name)[0].items()}
+    known = FOUND[name].PARAMETERS
+    starts = {k: min(value + 0.01, known[k].upper) for k, value in library.starts_of(name)[0].items()}
     out = FOUND[name].apply(noise_image(3, v), v, starts, np.random.default_rng(1))
     assert out.dtype == np.float32
 

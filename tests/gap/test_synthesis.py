@@ -121,6 +121,7 @@ SPREADS = [
     ("motion_blur", {"dx_px": 3.0, "dy_px": -1.0}),
     ("defocus", {"blur_px_per_dioptre": 1.5, "focus_m": 0.4, "softness": 0.0}),
     ("field_curvature", {"sigma_corner_px": 6.0, "softness": 1.0}),
+    ("lens_blur", {"sigma_px": 1.5, "softness": 0.3}),
 ]
 
 
@@ -172,6 +173,8 @@ def test_parts_of_light_fill_what_they_stand_for():
             if name == "motion_blur":
                 way = np.array([p["dx_px"], p["dy_px"]])
                 wanted += np.outer(way, way) / 12
+            elif name == "lens_blur":
+                wanted += np.eye(2) * p["sigma_px"] ** 2
             else:
                 wanted += np.eye(2) * library.effect_named(name).spread_px(*at.T, view, p) ** 2
         assert np.abs(moved.mean(0)).max() < 1e-9
