@@ -15,6 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests")]
 
 import cv2  # noqa: E402
+from tabulate import tabulate  # noqa: E402
 
 from detectors import contract  # noqa: E402
 from record import record  # noqa: E402
@@ -38,8 +39,7 @@ WITHIN = 0.05
 
 def table(head, rows):
     """Return a Markdown table."""
-    lines = ["| " + " | ".join(map(str, head)) + " |", "|" + "---|" * len(head)]
-    return "\n".join(lines + ["| " + " | ".join(map(str, row)) + " |" for row in rows]) + "\n"
+    return tabulate(rows, head, tablefmt="github", disable_numparse=True) + "\n"
 
 
 def video_frames(path, numbers):

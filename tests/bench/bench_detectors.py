@@ -16,6 +16,7 @@ sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests")]
 
 import cv2  # noqa: E402
 import numpy as np  # noqa: E402
+from tabulate import tabulate  # noqa: E402
 
 from bench.detector_figures import linear_figures, real_figures, sequence_figures, single_figures  # noqa: E402
 from bench.marker_scenes import compare, encode, scene, texture  # noqa: E402
@@ -51,8 +52,7 @@ ABLATIONS = {
 
 def table(head, rows):
     """Return a Markdown table."""
-    lines = ["| " + " | ".join(map(str, head)) + " |", "|" + "---|" * len(head)]
-    return "\n".join(lines + ["| " + " | ".join(map(str, row)) + " |" for row in rows]) + "\n"
+    return tabulate(rows, head, tablefmt="github", disable_numparse=True) + "\n"
 
 
 def run_all(detectors, image, number):
