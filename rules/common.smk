@@ -309,8 +309,11 @@ def moving_experiment(wildcards):
     """Return the moving_config.Moving of a job; end with one message where its file is wrong."""
     from rig.moving_config import load_moving
 
+    path = f"config/moving/{wildcards.moving}.yaml"
     try:
-        return load_moving(f"config/moving/{wildcards.moving}.yaml")
+        moving = load_moving(path)
+        contract.check_for_sequences(moving.file.detectors, f"{path}: detectors")
+        return moving
     except InputError as error:
         end_with(error)
 
