@@ -10,21 +10,6 @@ TRIALS_FOLDER = "results/blind_trials"
 TRIALS_SEED = config["blind_trials"]["seed"]
 TRIALS_SIZE = config["blind_trials"]["size"]
 TRIALS = names_of(config["blind_trials"], TRIALS_SEED, TRIALS_SIZE)
-GENERATOR_CODE = [
-    "tests/bench/lay_down_trials.py",
-    "tests/bench/trial_names.py",
-    *sorted(map(str, Path("tests/bench/generator").glob("*.py"))),
-]
-TRIAL_CODE = GAP_CODE + modules(
-    "diagnose_camera.py",
-    "expand_tables.py",
-    "register_captures.py",
-    "try_effect.py",
-    *[f"gap/{name}.py" for name in ("climb", "ladder", "next_station", "where")],
-    *[f"rig/{name}.py" for name in ("boards", "calibration", "campaign", "errors")],
-    *[f"rig/{name}.py" for name in ("experiment", "images", "registration")],
-    *[f"rig/{name}.py" for name in ("safe_yaml", "tables")],
-)
 
 
 rule blind_trials:
@@ -36,7 +21,8 @@ rule blind_trials:
 
 rule lay_down_trial:
     input:
-        code=GENERATOR_CODE,
+        script="tests/bench/lay_down_trials.py",
+        code=imports_of("tests/bench/lay_down_trials.py"),
     output:
         campaign=temp(directory(f"{TRIALS_FOLDER}/campaigns/{{trial}}")),
         envelope=f"{TRIALS_FOLDER}/envelopes/{{trial}}/truth.json",
@@ -61,8 +47,8 @@ rule diagnose_trial:
     input:
         campaign=f"{TRIALS_FOLDER}/campaigns/{{trial}}",
         script="tests/bench/diagnose_trial.py",
-        code=TRIAL_CODE,
-        effect_code=modules(*[f"effects/{name}.py" for name in CANDIDATES]),
+        code=imports_of("tests/bench/diagnose_trial.py"),
+        effect_code=code_of_effects(available_effects()),
     output:
         f"{TRIALS_FOLDER}/verdicts/{{trial}}.json",
     log:
@@ -84,7 +70,7 @@ rule open_envelopes:
             f"{TRIALS_FOLDER}/envelopes/{{trial}}/truth.json", trial=TRIALS
         ),
         script="tests/bench/open_envelopes.py",
-        code=modules("job.py", "rig/errors.py", "rig/metrics.py"),
+        code=imports_of("tests/bench/open_envelopes.py"),
     output:
         expand(
             f"{TRIALS_FOLDER}/{{table}}.csv",

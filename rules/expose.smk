@@ -13,17 +13,7 @@ rule expose_twin:
         ),
         register=f"{RESULTS}/register/{{camera}}.json",
         manifest=f"{RESULTS}/render/{{camera}}.json",
-        code=modules(
-            "job.py",
-            "effects/base.py",
-            "effects/encoding.py",
-            "effects/filters.py",
-            "effects/pipeline.py",
-            "effects/resampling.py",
-            "rig/geometry.py",
-            "rig/render_store.py",
-            "rig/tables.py",
-        ),
+        code=imports_of("expose_twin.py"),
         effect_code=effect_code,
     output:
         directory(f"{RESULTS}/twin/{{camera}}"),

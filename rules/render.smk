@@ -14,17 +14,7 @@ rule render_stations:
         ),
         register_csv=f"{RESULTS}/register/{{camera}}.csv",
         register_json=f"{RESULTS}/register/{{camera}}.json",
-        code=modules(
-            "job.py",
-            "blender/edges.py",
-            "blender/renderer.py",
-            "effects/base.py",
-            "rig/geometry.py",
-            "rig/plates.py",
-            "rig/render_store.py",
-            "rig/scene.py",
-            "rig/tables.py",
-        ),
+        code=imports_of("render_stations.py"),
         effect_code=scene_effect_code,
     output:
         manifest=f"{RESULTS}/render/{{camera}}.json",
