@@ -17,13 +17,7 @@ rule aggregate_detections:
             camera=CAMERAS,
             detector=DETECTORS,
         ),
-        code=modules(
-            "job.py",
-            "rig/geometry.py",
-            "rig/metrics.py",
-            "rig/plates.py",
-            "rig/tables.py",
-        ),
+        code=imports_of("aggregate_detections.py"),
     output:
         cells=f"{RESULTS}/aggregate/cells.parquet",
         false_ids=f"{RESULTS}/aggregate/false_ids.parquet",
@@ -44,7 +38,7 @@ rule make_tables:
         cells=f"{RESULTS}/aggregate/cells.parquet",
         false_ids=f"{RESULTS}/aggregate/false_ids.parquet",
         scene=f"{RESULTS}/expand/scene.json",
-        code=modules("job.py", "rig/metrics.py"),
+        code=imports_of("make_tables.py"),
     output:
         expand(
             f"{RESULTS}/tables/{{table}}.{{suffix}}",

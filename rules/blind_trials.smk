@@ -11,22 +11,6 @@ TRIALS_FOLDER = "results/blind_trials"
 TRIALS_SEED = config["blind_trials"]["seed"]
 TRIALS_SIZE = config["blind_trials"]["size"]
 TRIALS = names_of(config["blind_trials"], TRIALS_SEED, TRIALS_SIZE)
-GENERATOR_CODE = modules(
-    *[f"trials/{name}.py" for name in ("generate_trials", "trial_names")]
-) + sorted(map(str, Path("tests/bench/generator").glob("*.py")))
-OBSERVE_TRIAL_CODE = modules(
-    "expand_tables.py",
-    "register_captures.py",
-    "trials/observe_trial.py",
-    *[f"rig/{name}.py" for name in ("boards", "calibration", "campaign", "errors")],
-    *[f"rig/{name}.py" for name in ("experiment", "images", "registration")],
-    *[f"rig/{name}.py" for name in ("safe_yaml", "tables")],
-)
-TRIAL_CODE = GAP_CODE + modules(
-    "diagnose_camera.py",
-    "try_effect.py",
-    *[f"gap/{name}.py" for name in ("climb", "ladder", "next_station", "where")],
-)
 
 
 rule blind_trials:
@@ -38,7 +22,8 @@ rule blind_trials:
 
 rule generate_trial:
     input:
-        code=GENERATOR_CODE,
+        script="scripts/trials/generate_trials.py",
+        code=imports_of("trials/generate_trials.py"),
     output:
         campaign=temp(directory(f"{TRIALS_FOLDER}/campaigns/{{trial}}")),
         truth=f"{TRIALS_FOLDER}/truths/{{trial}}/truth.json",
@@ -62,7 +47,8 @@ rule generate_trial:
 rule observe_trial:
     input:
         campaign=f"{TRIALS_FOLDER}/campaigns/{{trial}}",
-        code=OBSERVE_TRIAL_CODE + GAP_CODE,
+        script="scripts/trials/observe_trial.py",
+        code=imports_of("trials/observe_trial.py"),
     output:
         directory(f"{TRIALS_FOLDER}/observations/{{trial}}"),
     log:
@@ -81,8 +67,8 @@ rule diagnose_trial:
     input:
         observations=f"{TRIALS_FOLDER}/observations/{{trial}}",
         script="scripts/trials/diagnose_trial.py",
-        code=TRIAL_CODE,
-        effect_code=modules(*[f"effects/{name}.py" for name in CANDIDATES]),
+        code=imports_of("trials/diagnose_trial.py"),
+        effect_code=code_of_effects(available_effects()),
     output:
         f"{TRIALS_FOLDER}/verdicts/{{trial}}.json",
     log:
@@ -102,8 +88,8 @@ rule fit_true_twin:
         observations=f"{TRIALS_FOLDER}/observations/{{trial}}",
         truth=f"{TRIALS_FOLDER}/truths/{{trial}}/truth.json",
         script="scripts/trials/true_twin.py",
-        code=TRIAL_CODE,
-        effect_code=modules(*[f"effects/{name}.py" for name in CANDIDATES]),
+        code=imports_of("trials/true_twin.py"),
+        effect_code=code_of_effects(available_effects()),
     output:
         f"{TRIALS_FOLDER}/true_twins/{{trial}}.json",
     log:
@@ -127,7 +113,7 @@ rule summarise_trials:
             trial=[name for name, (kind, _) in TRIALS.items() if kind == "whole"],
         ),
         script="scripts/trials/summarise_trials.py",
-        code=modules("job.py", "rig/errors.py"),
+        code=imports_of("trials/summarise_trials.py"),
     output:
         expand(
             f"{TRIALS_FOLDER}/{{table}}.csv",

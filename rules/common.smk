@@ -13,6 +13,7 @@ sys.path[:0] = ["scripts"]
 
 from detectors import contract
 from expand_tables import facts_of
+from imports import imports_of
 from rig.campaign import load_campaign
 from rig.config import check_choice, check_config
 from rig.errors import InputError
@@ -81,11 +82,6 @@ def read_lock(path):
     return dict(
         re.findall(r"^([A-Za-z0-9._-]+)==([^ \\\n]+)", Path(path).read_text(), re.M)
     )
-
-
-def modules(*paths):
-    """Return the files of modules below scripts/: Snakemake does not see what a script imports."""
-    return [f"scripts/{path}" for path in paths]
 
 
 def campaign_files():
@@ -181,8 +177,8 @@ def rendered_effects(wildcards):
 
 
 def scene_effect_code(wildcards):
-    """Return the files of the scene effects that a camera's twin uses."""
-    return modules(*[f"effects/{name}.py" for name, _ in rendered_effects(wildcards)])
+    """Return the code of the scene effects that a camera's twin uses."""
+    return code_of_effects(name for name, _ in rendered_effects(wildcards))
 
 
 def exposed_effects(wildcards):
@@ -191,10 +187,19 @@ def exposed_effects(wildcards):
 
 
 def effect_code(wildcards):
-    """Return the files of the effects that a camera's twin uses."""
-    return modules(
-        *[f"effects/{name}.py" for name, _ in twin_effects(wildcards.camera)]
-    )
+    """Return the code of the effects that a camera's twin uses."""
+    return code_of_effects(name for name, _ in twin_effects(wildcards.camera))
+
+
+def code_of_effects(names):
+    """Return the files of effects and of what they import: they are found by being there, so no import names them."""
+    return with_imports(f"scripts/effects/{name}.py" for name in names)
+
+
+def with_imports(files):
+    """Return Python files and all that they import, sorted."""
+    files = list(files)
+    return sorted({*files, *imports_of(*files)})
 
 
 def twin_of(wildcards):
@@ -250,10 +255,12 @@ def twin_files():
 
 
 def detector_code(wildcards):
-    """Return the files of one detector: a module, or all of a package."""
+    """Return the files of one detector, a module or all of a package, and of what they import."""
     path = Path(f"scripts/detectors/{wildcards.detector}")
     single = path.with_suffix(".py")
-    return [str(single)] if single.is_file() else sorted(map(str, path.rglob("*.py")))
+    return with_imports(
+        [str(single)] if single.is_file() else map(str, path.rglob("*.py"))
+    )
 
 
 def detector_parameters(wildcards):
@@ -286,10 +293,15 @@ wildcard_constraints:
 CANDIDATES = config["diagnose"]["candidates"] or sorted(available_effects())
 
 
-def effect_files(wildcards):
-    """Return the files of the effects of the camera's twin and of all that compete."""
+def diagnosis_effect_code(wildcards):
+    """Return the code of the effects of the camera's twin and of all that compete."""
     names = {name for name, _ in twin_effects(wildcards.camera)}
-    return modules(*[f"effects/{name}.py" for name in sorted(names | set(CANDIDATES))])
+    return code_of_effects(names | set(CANDIDATES))
+
+
+def candidate_code(wildcards):
+    """Return the code of the effect that a job tries."""
+    return code_of_effects([wildcards.effect])
 
 
 def trial_kind(wildcards):
@@ -309,8 +321,11 @@ def moving_experiment(wildcards):
     """Return the moving_config.Moving of a job; end with one message where its file is wrong."""
     from rig.moving_config import load_moving
 
+    path = f"config/moving/{wildcards.moving}.yaml"
     try:
-        return load_moving(f"config/moving/{wildcards.moving}.yaml")
+        moving = load_moving(path)
+        contract.check_for_sequences(moving.file.detectors, f"{path}: detectors")
+        return moving
     except InputError as error:
         end_with(error)
 
@@ -381,17 +396,6 @@ def moving_paths(wildcards):
         "project": ".",
         "experiment": f"config/moving/{wildcards.moving}.yaml",
     }
-
-
-MOVING_CODE = modules(
-    "job.py",
-    "rig/experiment.py",
-    "rig/geometry.py",
-    "rig/moving_config.py",
-    "rig/moving_truth.py",
-    "rig/plates.py",
-    "rig/trajectories.py",
-)
 
 
 wildcard_constraints:

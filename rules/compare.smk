@@ -19,14 +19,7 @@ rule compare_twins:
         detections=expand(
             f"{RESULTS}/detect/{{{{camera}}}}/{{detector}}.csv", detector=DETECTORS
         ),
-        code=modules(
-            "aggregate_detections.py",
-            "detect_captures.py",
-            "make_tables.py",
-            "gap/case.py",
-            "gap/synthesis.py",
-            "rig/metrics.py",
-        ),
+        code=imports_of("compare_twins.py"),
     output:
         table=f"{RESULTS}/compare/{{camera}}.csv",
         cells=f"{RESULTS}/compare/{{camera}}.parquet",
@@ -47,7 +40,7 @@ rule compare_twins:
 rule join_comparisons:
     input:
         parts=expand(f"{RESULTS}/compare/{{camera}}.csv", camera=CAMERAS),
-        code=modules("job.py"),
+        code=imports_of("join_comparisons.py"),
     output:
         f"{RESULTS}/tables/before_after.csv",
     log:

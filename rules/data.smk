@@ -8,7 +8,7 @@ Needs: the campaign's folder and its .dvc file, where it has one. Makes: verifie
 rule verify_data:
     input:
         dvc=dvc_files(),
-        code=modules("job.py", "rig/errors.py", "rig/safe_yaml.py"),
+        code=imports_of("verify_data.py"),
     output:
         f"{RESULTS}/verified.json",
     log:

@@ -12,16 +12,7 @@ rule detect_captures:
         register=f"{RESULTS}/register/{{camera}}.json",
         twin=f"{RESULTS}/twin/{{camera}}",
         images=captures_of,
-        code=modules(
-            "job.py",
-            "detect_markers.py",
-            "detectors/contract.py",
-            "detectors/_opencv.py",
-            "rig/geometry.py",
-            "rig/images.py",
-            "rig/plates.py",
-            "rig/tables.py",
-        ),
+        code=imports_of("detect_captures.py"),
         detector_code=detector_code,
     output:
         detections=f"{RESULTS}/detect/{{camera}}/{{detector}}.csv",

@@ -5,43 +5,6 @@ diagnosis/CAMERA/ (observations, one file a candidate, tables for pictures), tab
 the fit draws the known plates itself (scripts/gap/synthesis.py, held to Blender's renders by a test).
 """
 
-GAP_CODE = modules(
-    "job.py",
-    "case_files.py",
-    "detectors/_opencv.py",
-    "detectors/contract.py",
-    *[
-        f"effects/{name}.py"
-        for name in (
-            "base",
-            "encoding",
-            "filters",
-            "library",
-            "pipeline",
-            "resampling",
-        )
-    ],
-    *[
-        f"gap/{name}.py"
-        for name in (
-            "case",
-            "diagnose",
-            "finder",
-            "fit",
-            "flats",
-            "floors",
-            "observe",
-            "patch",
-            "raster",
-            "split",
-            "synthesis",
-        )
-    ],
-    "rig/geometry.py",
-    "rig/plates.py",
-    "rig/scene.py",
-)
-
 
 wildcard_constraints:
     effect="|".join(sorted(available_effects())),
@@ -53,8 +16,8 @@ rule observe_captures:
         register_csv=f"{RESULTS}/register/{{camera}}.csv",
         register_json=f"{RESULTS}/register/{{camera}}.json",
         images=captures_of,
-        code=GAP_CODE,
-        effect_code=effect_files,
+        code=imports_of("observe_captures.py"),
+        effect_code=diagnosis_effect_code,
     output:
         observations=f"{RESULTS}/diagnosis/{{camera}}/observations.npz",
         base=f"{RESULTS}/diagnosis/{{camera}}/base.json",
@@ -84,7 +47,8 @@ rule try_effect:
         register_json=f"{RESULTS}/register/{{camera}}.json",
         observations=f"{RESULTS}/diagnosis/{{camera}}/observations.npz",
         base=f"{RESULTS}/diagnosis/{{camera}}/base.json",
-        effect_code="scripts/effects/{effect}.py",
+        code=imports_of("try_effect.py"),
+        effect_code=candidate_code,
     output:
         f"{RESULTS}/diagnosis/{{camera}}/candidates/{{effect}}.json",
     log:
@@ -109,13 +73,8 @@ rule diagnose_camera:
             f"{RESULTS}/diagnosis/{{{{camera}}}}/candidates/{{effect}}.json",
             effect=CANDIDATES,
         ),
-        code=modules(
-            "gap/climb.py",
-            "gap/ladder.py",
-            "gap/next_station.py",
-            "gap/where.py",
-            "try_effect.py",
-        ),
+        code=imports_of("diagnose_camera.py"),
+        effect_code=diagnosis_effect_code,
     output:
         verdict=f"{RESULTS}/diagnosis/{{camera}}.json",
         ladder=f"{RESULTS}/diagnosis/{{camera}}/ladder.csv",
@@ -157,16 +116,8 @@ if not HAS_MARKERS:
             ),
             register_json=f"{RESULTS}/register/{{camera}}.json",
             images=captures_of,
-            code=GAP_CODE
-            + modules(
-                "gap/climb.py",
-                "gap/ladder.py",
-                "gap/points.py",
-                "register_captures.py",
-                "rig/boards.py",
-                "rig/calibration.py",
-                "rig/registration.py",
-            ),
+            code=imports_of("diagnose_board.py"),
+            effect_code=code_of_effects(available_effects()),
         output:
             verdict=f"{RESULTS}/diagnosis/{{camera}}.json",
             ladder=f"{RESULTS}/diagnosis/{{camera}}/ladder.csv",
@@ -187,7 +138,7 @@ if not HAS_MARKERS:
 rule make_ladder:
     input:
         parts=expand(f"{RESULTS}/diagnosis/{{camera}}/ladder.csv", camera=CAMERAS),
-        code=modules("job.py"),
+        code=imports_of("make_ladder.py"),
     output:
         f"{RESULTS}/tables/ladder.csv",
     log:

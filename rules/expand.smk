@@ -4,22 +4,11 @@ Needs: campaign.yaml and its tables, or an experiment's files. Makes: expand/ of
 which is made anew only when something of that camera changed: another camera's new capture reruns nothing of it.
 """
 
-EXPAND_CODE = modules(
-    "job.py",
-    "rig/campaign.py",
-    "rig/errors.py",
-    "rig/experiment.py",
-    "rig/geometry.py",
-    "rig/plates.py",
-    "rig/safe_yaml.py",
-    "rig/tables.py",
-)
-
 
 rule expand_tables:
     input:
         description=campaign_files(),
-        code=EXPAND_CODE,
+        code=imports_of("expand_tables.py"),
     output:
         markers=f"{RESULTS}/expand/markers.csv",
         cameras=f"{RESULTS}/expand/cameras.csv",
@@ -45,7 +34,7 @@ rule expand_tables:
 use rule expand_tables as expand_camera with:
     input:
         description=[ancient(path) for path in campaign_files()],
-        code=EXPAND_CODE,
+        code=imports_of("expand_tables.py"),
     output:
         markers=f"{RESULTS}/expand/{{camera}}/markers.csv",
         cameras=f"{RESULTS}/expand/{{camera}}/cameras.csv",

@@ -18,7 +18,7 @@ rule trace_moving:
     input:
         experiment="config/moving/{moving}.yaml",
         rig=moving_rig,
-        code=MOVING_CODE,
+        code=imports_of("trace_moving.py"),
     output:
         truth=f"{MOVING}/truth.csv",
         markers=f"{MOVING}/markers.csv",
@@ -38,17 +38,7 @@ rule render_moving:
     input:
         experiment="config/moving/{moving}.yaml",
         rig=moving_rig,
-        code=MOVING_CODE
-        + modules(
-            "blender/materials.py",
-            "blender/moving.py",
-            "blender/renderer.py",
-            "effects/base.py",
-            "effects/encoding.py",
-            "effects/library.py",
-            "effects/pipeline.py",
-            "rig/render_store.py",
-        ),
+        code=imports_of("render_moving.py"),
     output:
         frames=directory(f"{MOVING}/frames/{{trajectory}}"),
         timing=f"{MOVING}/render/{{trajectory}}_timing.csv",
@@ -73,13 +63,7 @@ rule detect_moving:
         experiment="config/moving/{moving}.yaml",
         rig=moving_rig,
         frames=moving_frames,
-        code=MOVING_CODE
-        + modules(
-            "detect_markers.py",
-            "detectors/_opencv.py",
-            "detectors/contract.py",
-            "rig/tables.py",
-        ),
+        code=imports_of("detect_moving.py"),
         detector_code=detector_code,
     output:
         detections=f"{MOVING}/detect/{{detector}}.csv",
@@ -108,8 +92,7 @@ rule measure_moving:
         truth=f"{MOVING}/truth.csv",
         detections=moving_detections,
         timings=moving_timings,
-        code=MOVING_CODE
-        + modules("detect_moving.py", "rig/moving_metrics.py", "rig/tables.py"),
+        code=imports_of("measure_moving.py"),
     output:
         measures=f"{MOVING}/tables/moving.csv",
         cells=f"{MOVING}/tables/moving_cells.csv",
@@ -134,7 +117,7 @@ rule draw_moving:
         truth=f"{MOVING}/truth.csv",
         frames=moving_frames,
         detections=f"{MOVING}/detect/{{detector}}.csv",
-        code=MOVING_CODE + modules("detect_moving.py", "rig/moving_metrics.py"),
+        code=imports_of("draw_moving.py"),
     output:
         f"{MOVING}/clips/{{detector}}.webm",
     log:
@@ -164,10 +147,9 @@ rule run_moving:
         frames=moving_frames,
         clips=moving_clips,
         notebook="notebooks/moving.ipynb",
-        helpers=["notebooks/figures.py", "notebooks/moving_figures.py"],
         template="scripts/moving_template.html.j2",
         frame="scripts/page_template.html.j2",
-        code=modules("job.py", "rig/geometry.py", "rig/plates.py"),
+        code=imports_of("run_notebook.py", "notebooks/moving.ipynb"),
     output:
         notebook=f"{MOVING}/notebooks/moving.ipynb",
         page=f"{MOVING}/report/moving.html",

@@ -31,9 +31,8 @@ rule run_overview:
         cells=f"{RESULTS}/aggregate/cells.parquet",
         table1=f"{RESULTS}/tables/table1.csv",
         notebook="notebooks/overview.ipynb",
-        helpers="notebooks/figures.py",
         template="scripts/page_template.html.j2",
-        code=modules("job.py", "rig/geometry.py", "rig/plates.py"),
+        code=imports_of("run_notebook.py", "notebooks/overview.ipynb"),
     output:
         notebook=f"{RESULTS}/notebooks/overview.ipynb",
         page=f"{RESULTS}/report/overview.html",
@@ -60,9 +59,8 @@ use rule run_overview as run_figure3 with:
         cells=f"{RESULTS}/aggregate/cells.parquet",
         table1=f"{RESULTS}/tables/table1.csv",
         notebook="notebooks/figure3.ipynb",
-        helpers="notebooks/figures.py",
         template="scripts/page_template.html.j2",
-        code=modules("job.py", "rig/geometry.py", "rig/plates.py"),
+        code=imports_of("run_notebook.py", "notebooks/figure3.ipynb"),
     output:
         notebook=f"{RESULTS}/notebooks/figure3.ipynb",
         page=f"{RESULTS}/report/figure3.html",
@@ -82,9 +80,8 @@ use rule run_figure3 as run_figure4 with:
         cells=f"{RESULTS}/aggregate/cells.parquet",
         table1=f"{RESULTS}/tables/table1.csv",
         notebook="notebooks/figure4.ipynb",
-        helpers="notebooks/figures.py",
         template="scripts/page_template.html.j2",
-        code=modules("job.py", "rig/geometry.py", "rig/plates.py"),
+        code=imports_of("run_notebook.py", "notebooks/figure4.ipynb"),
     output:
         notebook=f"{RESULTS}/notebooks/figure4.ipynb",
         page=f"{RESULTS}/report/figure4.html",
@@ -103,9 +100,8 @@ use rule run_figure3 as run_tables with:
         ),
         headlines=f"{RESULTS}/tables/headlines.json",
         notebook="notebooks/tables.ipynb",
-        helpers="notebooks/figures.py",
         template="scripts/page_template.html.j2",
-        code=modules("job.py", "rig/geometry.py", "rig/plates.py"),
+        code=imports_of("run_notebook.py", "notebooks/tables.ipynb"),
     output:
         notebook=f"{RESULTS}/notebooks/tables.ipynb",
         page=f"{RESULTS}/report/tables.html",
@@ -119,9 +115,8 @@ use rule run_figure3 as run_diagnosis with:
     input:
         DIAGNOSIS,
         notebook="notebooks/diagnosis.ipynb",
-        helpers=["notebooks/figures.py", "notebooks/diagnosis_figures.py"],
         template="scripts/page_template.html.j2",
-        code=modules("job.py", "rig/geometry.py", "rig/plates.py", "rig/words.py"),
+        code=imports_of("run_notebook.py", "notebooks/diagnosis.ipynb"),
     output:
         notebook=f"{RESULTS}/notebooks/diagnosis.ipynb",
         page=f"{RESULTS}/report/diagnosis.html",
@@ -137,9 +132,8 @@ use rule run_figure3 as run_before_after with:
         expand(f"{RESULTS}/diagnosis/{{camera}}.json", camera=CAMERAS),
         expand(f"{RESULTS}/tables/{{table}}.csv", table=["before_after", "table1"]),
         notebook="notebooks/before_after.ipynb",
-        helpers=["notebooks/figures.py", "notebooks/before_after_figures.py"],
         template="scripts/page_template.html.j2",
-        code=modules("job.py", "rig/geometry.py", "rig/plates.py"),
+        code=imports_of("run_notebook.py", "notebooks/before_after.ipynb"),
     output:
         notebook=f"{RESULTS}/notebooks/before_after.ipynb",
         page=f"{RESULTS}/report/before_after.html",
@@ -157,7 +151,7 @@ rule write_provenance:
         lock="envs/twingap.lock.txt",
         dvc=dvc_files(),
         twins=twin_files(),
-        code=modules("job.py", "rig/errors.py"),
+        code=imports_of("write_provenance.py"),
     output:
         provenance=f"{RESULTS}/provenance.json",
         run_config=f"{RESULTS}/run_config.yaml",
@@ -189,7 +183,7 @@ rule build_report:
         ladder=[path for path in DIAGNOSIS if path.endswith("ladder.csv")],
         template="scripts/report_template.html.j2",
         frame="scripts/page_template.html.j2",
-        code=modules("job.py", "run_notebook.py", "rig/words.py"),
+        code=imports_of("build_report.py"),
     output:
         page=f"{RESULTS}/report/index.html",
     log:

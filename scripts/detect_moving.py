@@ -1,4 +1,4 @@
-"""Detect: one detector on the frames of all trajectories as on video; by its tracker if it has one, else frame by frame."""
+"""Detect: one detector on the frames of all trajectories as on video; by its tracker where it has one."""
 
 import logging
 import time
@@ -55,7 +55,7 @@ class FrameByFrame:
 
 
 class Tracked:
-    """A detector's own tracker: a marker's pose is the filtered one, and it may be carried on unseen."""
+    """A detector's tracker: a marker's pose is the filtered one, and it may be carried on unseen."""
 
     def __init__(self, module, parameters, dictionaries, K, code_m):
         self.tracker = module.Tracker(dictionaries, K=K, code_m=code_m, **parameters)
@@ -74,9 +74,9 @@ def make_follower(name, parameters, moving):
     """Return what follows markers through a sequence by ``update(image, t_s)``: new, without memory."""
     code_m = {(m.dictionary, m.id): m.code_m for m in moving.markers.itertuples()}
     dictionaries = sorted(set(moving.markers.dictionary))
-    module = contract.tracker_of(name)
-    if module is not None:
-        return Tracked(module, parameters, dictionaries, moving.K, code_m)
+    tracker = contract.tracker_of(name)
+    if tracker:
+        return Tracked(tracker, parameters, dictionaries, moving.K, code_m)
     return FrameByFrame(name, parameters, dictionaries, moving.K, code_m)
 
 
@@ -98,9 +98,10 @@ def detect_moving(experiment, detector, folders, out, timing):
     """
     moving = load_moving(experiment)
     parameters = moving.file.detectors[detector]
-    rows, clocks = [], []
+    contract.check_for_sequences({detector: parameters}, f"{experiment}: detectors")
     tracker = contract.tracker_of(detector)
-    keeps_budget = tracker is not None and "budget_ms" in tracker.TRACKER_PARAMETERS
+    rows, clocks = [], []
+    keeps_budget = tracker and "budget_ms" in tracker.TRACKER_PARAMETERS
     budgets = [None, moving.file.budget_ms] if keeps_budget else [None]
     for name in sorted(folders):
         images = [read_image(path) for path in sorted(Path(folders[name]).glob("*.png"))]

@@ -4,19 +4,14 @@ The campaign shows no marker at all, which is a result (coverage 0) and no crash
 """
 
 import re
-from pathlib import Path
 
 import pandas as pd
 import pytest
 
-from job_inputs import imported, inputs_behind, jobs_of
 from tiny_campaign import CAPTURES, lay_down
-from workflow_runs import copy_project, snakemake
+from workflow_runs import copy_project, edited, planned, snakemake
 
 CONFIG = ("detectors={aruco_subpix: null}", "diagnose={candidates: [lens_blur]}", "render={edge_samples: 16}")
-UNLISTED = {  # renders look up their effects in the pipeline, and use nothing else of it
-    "render_stations": {f"scripts/effects/{name}.py" for name in ("encoding", "library", "pipeline", "resampling")}
-}
 
 
 @pytest.fixture(scope="module")
@@ -29,23 +24,10 @@ def done(tmp_path_factory):
     return project, campaign
 
 
-def planned(done, *config):
+def plan_of(done, *config):
     """Return {rule: number of jobs} that a run would start now."""
     project, campaign = done
-    status, said = snakemake(project, "-n", "--cores", 2, "--config", f"campaign={campaign}", *(config or CONFIG))
-    assert status == 0, said[-4000:]
-    if "Nothing to be done" in said:
-        return {}
-    table = said.split("Job stats:")[1].split("\n\n")[0]
-    return {k: int(n) for k, n in re.findall(r"^(\w+) +(\d+)$", table, re.M) if k not in ("job", "total", "all")}
-
-
-def edited(path, find, replace):
-    """Replace text in a file and return a function that puts it back."""
-    old = path.read_text()
-    assert find in old
-    path.write_text(old.replace(find, replace, 1))
-    return lambda: path.write_text(old)
+    return planned(project, "--config", f"campaign={campaign}", *(config or CONFIG))
 
 
 def test_a_whole_run_of_a_campaign_without_markers_is_a_result(done):
@@ -59,20 +41,17 @@ def test_a_whole_run_of_a_campaign_without_markers_is_a_result(done):
 def test_nothing_reruns_after_a_run_nor_after_touching(done):
     """A rule with an unstable parameter, or one that minds times, would plan jobs here."""
     project, campaign = done
-    assert planned(done) == {}
+    assert plan_of(done) == {}
     (project / "scripts/detectors/aruco.py").touch()
     (project / "notebooks/figure3.ipynb").touch()
-    assert planned(done) == {}
+    assert plan_of(done) == {}
 
 
 def test_a_detectors_edit_reruns_that_detector_and_what_reads_it(done):
     """Renders, twin images or another detector in the plan would make detector work slow."""
     project, _ = done
-    undo = edited(project / "scripts/detectors/aruco.py", '"""', '"""Edited. ')
-    try:
-        plan = planned(done)
-    finally:
-        undo()
+    with edited(project / "scripts/detectors/aruco.py", '"""', '"""Edited. '):
+        plan = plan_of(done)
     assert plan["detect_captures"] == 2
     assert {"aggregate_detections", "make_tables", "build_report"} <= set(plan)
     assert not {"render_stations", "expose_twin", "register_captures", "try_effect"} & set(plan)
@@ -80,7 +59,7 @@ def test_a_detectors_edit_reruns_that_detector_and_what_reads_it(done):
 
 def test_a_detectors_parameter_reruns_that_detector(done):
     """A parameter that is no parameter of the rule would slip through."""
-    plan = planned(done, "detectors={aruco_subpix: null, bart: {multi_scale: false}}", *CONFIG[1:])
+    plan = plan_of(done, "detectors={aruco_subpix: null, bart: {multi_scale: false}}", *CONFIG[1:])
     assert plan["detect_captures"] == 2
     assert "render_stations" not in plan
 
@@ -88,11 +67,8 @@ def test_a_detectors_parameter_reruns_that_detector(done):
 def test_a_notebooks_edit_reruns_it_and_the_report(done):
     """Tables in the plan would mean that a picture's colour costs minutes."""
     project, _ = done
-    undo = edited(project / "notebooks/figure3.ipynb", "# ", "# Edited: ")
-    try:
-        plan = planned(done)
-    finally:
-        undo()
+    with edited(project / "notebooks/figure3.ipynb", "# ", "# Edited: "):
+        plan = plan_of(done)
     assert plan == {"run_figure3": 1, "build_report": 1}
 
 
@@ -100,12 +76,9 @@ def test_a_new_capture_reruns_its_camera(done):
     """The other camera's renders and detections must stay."""
     _, campaign = done
     (campaign / "images/left/c.png").write_bytes((campaign / "images/right/b.png").read_bytes())
-    undo = edited(campaign / "captures.csv", CAPTURES, CAPTURES + "left_c,left,0.3,45,2,images/left/c.png\n")
-    try:
-        plan = planned(done)
-    finally:
-        undo()
-        (campaign / "images/left/c.png").unlink()
+    with edited(campaign / "captures.csv", CAPTURES, CAPTURES + "left_c,left,0.3,45,2,images/left/c.png\n"):
+        plan = plan_of(done)
+    (campaign / "images/left/c.png").unlink()
     assert plan["register_captures"] == 1 and plan["detect_captures"] == 2 and plan["expose_twin"] == 1
 
 
@@ -114,26 +87,7 @@ def test_a_bumped_dependency_reruns_what_uses_it(done):
     project, _ = done
     lock = project / "envs/twingap.lock.txt"
     version = re.search(r"^papermill==[^ ]+", lock.read_text(), re.M).group(0)
-    undo = edited(lock, version, "papermill==99.0")
-    try:
-        plan = planned(done)
-    finally:
-        undo()
+    with edited(lock, version, "papermill==99.0"):
+        plan = plan_of(done)
     assert {"run_overview", "run_tables", "build_report"} <= set(plan)
     assert not {"render_stations", "detect_captures"} & set(plan)
-
-
-def test_what_a_job_imports_is_behind_its_result(done):
-    """Snakemake sees no imports: a module that no rule lists could be edited, and old numbers would stay."""
-    project, _ = done
-    rules = "\n".join(path.read_text() for path in sorted((project / "rules").glob("*.smk")))
-    scripts = re.findall(r"rule (\w+):\n(?:(?!rule ).*\n)*? +script:\n +\"\.\./(.+)\"", rules)
-    jobs, missing = jobs_of(project), {}
-    assert {rule for rule, _ in jobs.values()} >= {"observe_captures", "make_tables", "build_report"}
-    for output, (rule, inputs) in jobs.items():
-        sources = [s for name, s in scripts if name == rule] + [i for i in inputs if i.endswith(".ipynb")]
-        needed = {m for s in sources if Path(project, s).suffix in (".py", ".ipynb") for m in imported(s, project)}
-        unlisted = needed - inputs_behind(output, jobs) - UNLISTED.get(rule, set())
-        if unlisted:
-            missing[rule] = sorted(unlisted)
-    assert missing == {}

@@ -56,6 +56,13 @@ def lay_down(folder, describe=None, markers=MARKERS, captures=CAPTURES):
     return folder
 
 
+def board(data):
+    """Change the plain data of campaign.yaml: photographs of one chessboard in place of markers."""
+    data["name"] = "board"
+    del data["markers"]
+    data["target"] = {"type": "chessboard", "columns": 9, "rows": 6, "square_m": 0.03}
+
+
 SEEN_WIDTH, SEEN_HEIGHT, SEEN_FOCAL_PX = 240, 180, 200.0
 SEEN_HEIGHTS_M = (0.3, 0.33, 0.36, 0.39, 0.42, 0.45)
 DRAWN_FINER = 4

@@ -1,5 +1,7 @@
 """Run the real workflow in a copy of the project, so that tests neither see nor touch anybody's results."""
 
+import contextlib
+import re
 import shutil
 import subprocess
 import sys
@@ -37,6 +39,43 @@ def start_snakemake(project, *arguments):
     command = [sys.executable, "-m", "snakemake", *map(str, arguments)]
     silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     return subprocess.Popen(command, cwd=project, start_new_session=True, **silent)
+
+
+def pretend(project, *arguments):
+    """Have Snakemake take a run as done: all outputs are there, empty, and their inputs written down; no job runs."""
+    status, said = snakemake(project, "--summary", "--forceall", *arguments)
+    outputs = [project / path for path in re.findall(r"^(results/\S+)\t", said, re.M)]
+    assert status == 0 and outputs, said[-3000:]
+    for path in outputs:
+        if path.suffix:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text("")
+        else:
+            path.mkdir(parents=True)
+    status, said = snakemake(project, "--cores", 1, "--touch", "--forceall", *arguments)
+    assert status == 0, said[-3000:]
+
+
+def planned(project, *arguments):
+    """Return {rule: number of jobs} that a run would start now."""
+    status, said = snakemake(project, "-n", "--cores", 2, *arguments)
+    assert status == 0, said[-4000:]
+    if "Nothing to be done" in said:
+        return {}
+    table = said.split("Job stats:")[1].split("\n\n")[0]
+    return {k: int(n) for k, n in re.findall(r"^(\w+) +(\d+)$", table, re.M) if k not in ("job", "total", "all")}
+
+
+@contextlib.contextmanager
+def edited(path, find, replace):
+    """Replace text in a file, for a while."""
+    old = path.read_text()
+    assert find in old
+    path.write_text(old.replace(find, replace, 1))
+    try:
+        yield
+    finally:
+        path.write_text(old)
 
 
 def numbers_of(results):

@@ -2,8 +2,9 @@
 
 A detector is a module or package in this folder with ``PARAMETERS`` (dict of defaults) and
 ``make_detector(dictionaries, **parameters)``, whose result has ``detect(image) -> list[Detection]``.
-Names that begin with ``_`` and this file are no detectors. One that also works on sequences names a module of its package,
-``TRACKER``, which has ``TRACKER_PARAMETERS`` and ``Tracker(dictionaries, K=, code_m=, **parameters)``.
+Names that begin with ``_`` and this file are no detectors. A detector that follows markers through sequences is a
+package with a module ``tracker``: ``TRACKER_PARAMETERS``, defaults beside the detector's own (``budget_ms`` among them
+where a frame's time can be bounded), and ``Tracker(dictionaries, K=..., code_m=..., **parameters)``.
 """
 
 import importlib
@@ -50,9 +51,10 @@ def load(name):
 
 
 def tracker_of(name):
-    """Return the module with which a detector follows markers through a sequence; None where it has none."""
-    module = load(name)
-    return importlib.import_module(f"detectors.{name}.{module.TRACKER}") if hasattr(module, "TRACKER") else None
+    """Return the module of a detector's tracker; None where it has none and takes sequences frame by frame."""
+    if not (Path(__file__).parent / name / "tracker.py").is_file():
+        return None
+    return importlib.import_module(f"detectors.{name}.tracker")
 
 
 def check_parameters(name, parameters, where="parameters"):
@@ -70,6 +72,18 @@ def check_parameters(name, parameters, where="parameters"):
             wanted = type(defaults[key]).__name__
             raise InputError(f"{where}: {name}.{key} is {value!r}; wanted is {wanted}, as in {defaults[key]!r}")
     return {**defaults, **(parameters or {})}
+
+
+def check_for_sequences(detectors, where):
+    """Refuse, by InputError, detectors {name: parameters} that do not exist, and parameters that none of them, nor its
+    tracker, knows; ``where`` is the file and key that they come from.
+    """
+    for name, parameters in detectors.items():
+        if name not in available():
+            raise InputError(f"{where}: {name!r} does not exist; allowed are {', '.join(available())}")
+        tracker = tracker_of(name)
+        known = tracker.TRACKER_PARAMETERS if tracker else {}
+        check_parameters(name, {k: v for k, v in parameters.items() if k not in known}, f"{where}.{name}")
 
 
 def _same_kind(value, default):

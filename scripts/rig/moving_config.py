@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 from pydantic import Field, ValidationError, model_validator
 
-from detectors import contract
 from rig.campaign import NAME, Reflectance, Strict, inside, is_name
 from rig.errors import InputError
 from rig.experiment import CameraSheet, rig_markers
@@ -147,29 +146,16 @@ class Moving:
 def load_moving(path):
     """Return the Moving of a file; its rig lies in the folder ``rigs`` beside the file's own folder.
 
-    Raises InputError naming file, key and value.
+    Raises InputError naming file, key and value. Whether its detectors exist is not asked here.
     """
     path = Path(path)
     try:
         file = MovingExperiment.model_validate(load_yaml(path))
     except ValidationError as error:
         raise InputError(validation_message(path, error, MovingExperiment)) from None
-    for name, parameters in file.detectors.items():
-        if name not in contract.available():
-            raise InputError(
-                f"{path}: detectors: {name!r} does not exist; allowed are {', '.join(contract.available())}"
-            )
-        _check_parameters(name, parameters, f"{path}: detectors.{name}")
     markers = rig_markers(rig_path(path, file))
     c = file.camera.nominal()
     return Moving(file, markers, camera_matrix(c.fx, c.fy, c.cx, c.cy))
-
-
-def _check_parameters(name, parameters, where):
-    """Refuse parameters that neither a detector nor its tracker knows."""
-    tracker = contract.tracker_of(name)
-    of_tracker = tracker.TRACKER_PARAMETERS if tracker is not None else {}
-    contract.check_parameters(name, {k: v for k, v in parameters.items() if k not in of_tracker}, where)
 
 
 def rig_path(path, file):

@@ -83,6 +83,24 @@ def test_unknown_names_and_values_are_one_message():
         contract.make("bart", parameters={"threshold": "median"})
 
 
+def test_for_sequences_a_trackers_parameters_are_known_too():
+    """Fails if what only the tracker knows is refused, or if what nobody knows is let through."""
+    contract.check_for_sequences({"aruco": {}, "bart": {"bridge_frames": 5, "threshold": "otsu"}}, "small.yaml")
+    for detectors, words in (
+        ({"nobody": {}}, "small.yaml: detectors: 'nobody' does not exist; allowed are .*aruco_subpix"),
+        ({"bart": {"bridge": 3}}, "small.yaml: detectors.bart: .*'bridge'"),
+        ({"aruco": {"bridge_frames": 5}}, "small.yaml: detectors.aruco: .*'bridge_frames'"),
+    ):
+        with pytest.raises(InputError, match=words):
+            contract.check_for_sequences(detectors, "small.yaml: detectors")
+
+
+def test_only_a_detector_with_a_tracker_has_one():
+    """Fails if detectors without a tracker are started as one, or if BART's is not found by being there."""
+    assert contract.tracker_of("aruco") is None
+    assert "budget_ms" in contract.tracker_of("bart").TRACKER_PARAMETERS
+
+
 def test_apriltag_reads_its_families_or_says_what_is_missing():
     pytest.importorskip("pupil_apriltags", reason="optional extra 'bench' is not installed")
     cells = np.kron(code_cells("DICT_APRILTAG_36h11", 5), np.ones((10, 10)))

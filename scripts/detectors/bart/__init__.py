@@ -19,7 +19,6 @@ from detectors.bart.sightings import best_of_each, not_inside
 from detectors.bart.small import fit_small
 from detectors.contract import Detection, grey_image
 
-TRACKER = "tracker"
 PARAMETERS = {
     # "mean": dark is darker than its surroundings: bears uneven light. "otsu": one level for the whole image:
     # faster, but loses markers in shade. "both": what either finds, at the cost of both.
