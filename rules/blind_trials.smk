@@ -128,9 +128,9 @@ rule summarise_trials:
         "../envs/twingap.yaml"
     params:
         python=PYTHON,
-        folder=TRIALS_FOLDER,
     message:
         "Counting the verdicts against the truth"
     shell:
-        "{params.python} scripts/trials/summarise_trials.py --out {params.folder} --verdicts {params.folder}/verdicts"
-        " --truths {params.folder}/truths --true-twins {params.folder}/true_twins > {log} 2>&1"
+        "{params.python} scripts/trials/summarise_trials.py --out $(dirname {output.summary})"
+        " --verdicts $(dirname {output.summary})/verdicts --truths $(dirname {output.summary})/truths"
+        " --true-twins $(dirname {output.summary})/true_twins > {log} 2>&1"
