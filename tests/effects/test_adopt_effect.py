@@ -223,7 +223,7 @@ def test_an_adoption_that_nobody_reads_of_is_whole(place, project):
     """Fails if the interpreter flushes to a closed pipe as it ends: a traceback, and status 120."""
     said = piped(project, adopt_effect.__file__, "cam", "lens_blur", "--campaign", "c")
     assert said == (1, CLOSED)
-    assert dict(load_twin(place).effects) == {"lens_blur": {"sigma_px": 0.8312}}
+    assert dict(load_twin(place).effects) == {"lens_blur": {"sigma_px": 0.8312, "softness": 1.0}}
 
 
 def test_bad_input_stays_the_message_where_the_pipe_is_closed_too(project):
