@@ -69,6 +69,19 @@ class Scene:
 
 
 @dataclass(frozen=True)
+class Windows:
+    """Which pixels of a frame an array shows that is put together of windows.
+
+    x, y     (rows, columns) float32, frame pixels
+    frame    slices of the array where the whole frame is shown in small: its mean light is there
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    frame: tuple
+
+
+@dataclass(frozen=True)
 class View:
     """What an effect may know of one capture besides its pixels.
 
@@ -81,6 +94,7 @@ class View:
     encoding     ``srgb`` or ``linear``
     noise_dn     standard deviation of the noise in each channel, grey levels: the declared one, a number. In the processing
                  of an expected image, which has none of it, what its sensor would add as well, then (H, W, C)
+    windows      None where an array is the frame and its margin; else which pixels of the frame it shows, without margin
     """
 
     K: np.ndarray
@@ -94,6 +108,7 @@ class View:
     exposure: float = 1.0
     encoding: str = "srgb"
     noise_dn: float | np.ndarray = 0.0
+    windows: Windows | None = None
 
 
 def light_factor(light, x, y):

@@ -88,9 +88,14 @@ def demosaiced(image, row, column, corrected):
     return out
 
 
+def reach_px(p):
+    """Return how far ``apply`` looks."""
+    return 2
+
+
 def apply(image, view, p, rng):
     """Sample the mosaics and interpolate them."""
-    first = view.margin % 2
+    first = 0 if view.windows is not None else view.margin % 2
     out = image = np.ascontiguousarray(image)
     for name, (row, column) in RED.items():
         if p[name] != 0:

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from effects.base import Parameter
-from effects.filters import box, box_taps, gaussian, gaussian_taps
+from effects.filters import box, box_taps, gaussian, gaussian_reach_px, gaussian_taps
 
 STAGE, ORDER = "processing", 30
 AFFECTS = "intensity"
@@ -73,6 +73,11 @@ def bilateral(plane, p):
     if p["strength_dn"] == 0:
         return plane
     return cv2.bilateralFilter(plane, DIAMETER_PX, p["strength_dn"], p["reach_px"])
+
+
+def reach_px(p):
+    """Return how far ``apply`` looks."""
+    return DIAMETER_PX // 2 + gaussian_reach_px(p["average_px"])
 
 
 def median(plane, p):

@@ -1,9 +1,11 @@
 """Between linear image values (0..1) and grey levels (0..255): IEC 61966-2-1 (sRGB) or a straight line, fast; clipping."""
 
+import math
+
 import numpy as np
 from numba import njit
-from scipy.special import ndtr
 
+SQRT_2, SQRT_TAU = math.sqrt(2), math.sqrt(2 * math.pi)
 CLIPPED_SD = 4.0  # standard deviations from black or white within which noise is clipped
 
 
@@ -22,7 +24,7 @@ _KNOTS = np.linspace(0, 1, 4097)
 _SRGB = srgb_encode(_KNOTS**2)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _encode_srgb(values, table):
     out = np.empty_like(values)
     n = table.shape[0] - 1
@@ -41,10 +43,32 @@ def encode(linear, encoding):
     return (255 * np.clip(linear, 0, 1)).astype(np.float32)
 
 
+_LINEAR = srgb_decode(np.linspace(0, 1, 8193))
+
+
+@njit(cache=True, nogil=True)
+def _decode_srgb(values, table):
+    out = np.empty(values.shape, np.float32)
+    flat_in, flat_out = values.ravel(), out.ravel()
+    last = table.shape[0] - 1
+    for i in range(flat_in.size):
+        v = flat_in[i] / 255.0
+        if v < 0:
+            flat_out[i] = v / 12.92
+        elif v >= 1:
+            flat_out[i] = ((v + 0.055) / 1.055) ** 2.4
+        else:
+            t = v * last
+            k = int(t)
+            flat_out[i] = table[k] + (t - k) * (table[k + 1] - table[k])
+    return out
+
+
 def decode(grey, encoding):
     """Return linear image values (float32) of grey levels; levels below 0 lie on the curve's straight foot."""
-    value = np.asarray(grey, np.float64) / 255
-    return (srgb_decode(value) if encoding == "srgb" else value).astype(np.float32)
+    if encoding == "srgb":
+        return _decode_srgb(np.ascontiguousarray(grey), _LINEAR)
+    return (np.asarray(grey, np.float64) / 255).astype(np.float32)
 
 
 def mean_of_clipped(levels, noise_dn):
@@ -52,13 +76,36 @@ def mean_of_clipped(levels, noise_dn):
 
     E[max(X, 0)] = m Phi(m / s) + s phi(m / s) for X of mean m and standard deviation s; so for 255.
     """
-    clipped = np.clip(levels, 0, 255)
     if np.ndim(noise_dn) == 0 and noise_dn <= 0:
-        return clipped
-    noise = np.broadcast_to(np.maximum(np.float32(noise_dn), np.float32(1e-6)), levels.shape)
-    for sign, bound in ((1.0, 0.0), (-1.0, 255.0)):
-        near = sign * (levels - bound) < CLIPPED_SD * noise
-        d = sign * (levels[near] - bound) / noise[near]  # inwards, in standard deviations
-        mean = d * ndtr(d) + np.exp(-d * d / 2) / np.sqrt(2 * np.pi)
-        clipped[near] = bound + sign * noise[near] * mean
-    return clipped
+        return np.clip(levels, 0, 255)
+    return _mean_of_clipped(np.ascontiguousarray(levels), np.broadcast_to(np.float32(noise_dn), levels.shape))
+
+
+@njit(cache=True, nogil=True)
+def _mean_of_clipped(levels, noise):
+    out = np.empty_like(levels)
+    flat_in, flat_out = levels.ravel(), out.ravel()
+    for i, s in enumerate(noise.flat):
+        level = flat_in[i]
+        s = max(s, np.float32(1e-6))
+        mean = min(max(level, np.float32(0.0)), np.float32(255.0))
+        for sign, bound in ((1.0, 0.0), (-1.0, 255.0)):
+            d = sign * (level - bound) / s  # inwards, in standard deviations
+            if d < CLIPPED_SD:
+                inside = 0.5 * math.erfc(-d / SQRT_2)
+                mean = bound + sign * s * (d * inside + math.exp(-d * d / 2) / SQRT_TAU)
+        flat_out[i] = mean
+    return out
+
+
+@njit(cache=True, nogil=True)
+def look_up(values, table, low, high):
+    """Return a table's values (n,), linear between, at values (any shape) float32 of which low and high are its ends."""
+    out = np.empty_like(values)
+    flat_in, flat_out = values.ravel(), out.ravel()
+    last = table.shape[0] - 1
+    for i in range(flat_in.size):
+        t = (min(max(flat_in[i], low), high) - low) / (high - low) * last
+        k = min(int(t), last - 1)
+        flat_out[i] = table[k] + (t - k) * (table[k + 1] - table[k])
+    return out

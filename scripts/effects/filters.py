@@ -46,6 +46,11 @@ def gaussian(image, sigma_px):
     return out.reshape(image.shape)
 
 
+def gaussian_reach_px(sigma_px):
+    """Return how far a Gaussian blur looks: what lies beyond three standard deviations counts for less than 0.3 %."""
+    return math.ceil(3 * sigma_px)
+
+
 def box_taps(sigma_px):
     """Return the odd taps of an average over 2 m + 1 pixels of variance m (m + 1) / 3, mixed with the next wider one."""
     m = int((np.sqrt(1 + 12 * sigma_px**2) - 1) / 2)
@@ -198,10 +203,20 @@ def disc(image, sigma_px):
 
 
 def pixel_grid(view, shape):
-    """Return frame pixels x (1, columns) and y (rows, 1), float32, of an array with the view's margin."""
+    """Return frame pixels x and y, float32, of an array: (1, columns) and (rows, 1), or (rows, columns) of windows."""
+    if view.windows is not None:
+        return view.windows.x, view.windows.y
     x = np.arange(shape[1], dtype=np.float32)[None] - np.float32(view.margin)
     y = np.arange(shape[0], dtype=np.float32)[:, None] - np.float32(view.margin)
     return x, y
+
+
+def frame_of(view):
+    """Return the slices of an array that are the whole frame, in small where the array is put together of windows."""
+    if view.windows is not None:
+        return view.windows.frame
+    m = view.margin
+    return slice(m, m + view.height), slice(m, m + view.width)
 
 
 def squared_radius(x, y, view):

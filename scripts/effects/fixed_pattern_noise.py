@@ -46,4 +46,8 @@ def apply(image, view, p, rng):
     if rng is None:
         return image
     gain, offset = pattern(view.camera, view.width, view.height, view.margin)
+    if view.windows is not None:
+        at = (np.rint(c).astype(int) + view.margin for c in (view.windows.y, view.windows.x))
+        row, column = (np.clip(c, 0, size - 1) for c, size in zip(at, gain.shape[:2], strict=True))
+        gain, offset = gain[row, column], offset[0, column]
     return image * (1 + np.float32(p["prnu"]) * gain) + np.float32(p["column_offset_dn"] / 255) * offset

@@ -12,14 +12,16 @@ repeats fall on either side: the expected level lies between (the mean of a dith
 
 import functools
 import io
+import math
 
 import cv2
 import numpy as np
+from numba import njit
 from PIL import Image
-from scipy.special import ndtr
 
 from effects.base import Parameter
 from effects.encoding import mean_of_clipped
+from effects.filters import frame_of
 
 STAGE, ORDER = "processing", 60
 AFFECTS = "intensity"
@@ -41,7 +43,7 @@ PARAMETERS = {
 }
 STARTS = tuple({"loss": loss} for loss in (5.0, 25.0, 45.0, 60.0, 70.0, 80.0))
 BLOCK = 8
-MIDDLE = 128
+MIDDLE = np.float32(128)
 # ITU-T T.871: Y, Cb, Cr of red, green, blue
 TO_YCC = np.array([[0.299, 0.587, 0.114], [-0.168736, -0.331264, 0.5], [0.5, -0.418688, -0.081312]], np.float32)
 BRIGHTNESS_NOISE = float(np.linalg.norm(TO_YCC[0]))  # over that of the channels, which are independent
@@ -64,7 +66,7 @@ def compressed(pixels, quality, full_colour):
 @functools.cache
 def tables(quality):
     """Return the codec's own quantisation tables (brightness, colour), each (8, 8) float32, read from a file's head."""
-    grey = np.full((BLOCK, BLOCK, 3), MIDDLE, np.uint8)
+    grey = np.full((BLOCK, BLOCK, 3), int(MIDDLE), np.uint8)
     _, data = cv2.imencode(".jpg", grey, [cv2.IMWRITE_JPEG_QUALITY, quality])
     with Image.open(io.BytesIO(data)) as image:
         brightness, colour = (image.quantization[k] for k in (0, 1))
@@ -79,13 +81,8 @@ def _cosines():
 
 
 COSINES = _cosines()
-
-
-def _by_blocks(plane, left, right):
-    """Return left @ block @ right of every block of a plane whose sides are whole blocks."""
-    rows, columns = plane.shape
-    down = np.matmul(left, plane.reshape(-1, BLOCK, columns))
-    return (down.reshape(-1, BLOCK) @ right).reshape(rows, columns)
+COSINES_BACK = np.ascontiguousarray(COSINES.T)
+SQRT_2 = math.sqrt(2)
 
 
 def quantised(plane, table, noise):
@@ -93,43 +90,119 @@ def quantised(plane, table, noise):
 
     ``noise``, white, is its standard deviation in the plane's units, a number or (rows, columns).
     """
-    lower, share = _steps_taken(plane, table, noise)
-    return _decoded(lower + share, table, plane.shape)
-
-
-def mean_decoded(plane, table, noise, decode):
-    """Return the mean levels (rows, columns, C) of ``decode(plane)`` after a plane about 0 is quantised, under noise.
-
-    Blocks' means may lie on either of two steps: each is decoded, as a decoder rounds, and then they are mixed.
-    """
-    lower, share = _steps_taken(plane, table, noise)
-    coefficients = lower + share
-    means = np.s_[::BLOCK, ::BLOCK]
-    coefficients[means] = lower[means]
-    low = _decoded(coefficients, table, plane.shape)
+    low, high, share = _by_blocks(_filled_up(plane), _noise_of_blocks(noise, plane.shape), table)
     rows, columns = plane.shape
-    by_pixel = _spread_out(share[means])[:rows, :columns]
-    low, high = decode(low), decode(low + table[0, 0] / BLOCK)
-    return low + by_pixel[..., None] * (high - low)
+    return (low + _spread_out(share) * (high - low))[:rows, :columns]
 
 
-def _steps_taken(plane, table, noise):
-    """Return (lower of the two steps, probability of the upper) of the cosine coefficients of a plane's blocks.
+def mean_decoded(plane, table, noise, colours):
+    """Return the mean levels (rows, columns, 1 or 3) of a decoded image whose brightness about 0 is quantised, under noise.
 
-    The last blocks are filled up. An orthonormal transform leaves white noise as it is; of uneven noise a block's mean
-    variance counts.
+    ``colours`` (2 or 0, rows, columns) are its decoded planes of colour. Blocks' means may lie on either of two steps: each is
+    decoded, as a decoder rounds, and then they are mixed.
     """
-    whole = _filled_up(plane)
-    steps = _tiled(table, whole.shape)
-    coefficients = _by_blocks(whole, COSINES, COSINES.T) / steps
-    lower = np.floor(coefficients)
+    low, high, share = _by_blocks(_filled_up(plane), _noise_of_blocks(noise, plane.shape), table)
+    return _decoded(low, high, share, colours, plane.shape, TO_RGB)
+
+
+@njit(cache=True, nogil=True)
+def _decoded(low, high, share, colours, shape, to_rgb):
+    rows, columns = shape
+    out = np.empty((rows, columns, 3 if len(colours) else 1), np.float32)
+    for r in range(rows):
+        for c in range(columns):
+            upper = share[r // BLOCK, c // BLOCK]
+            for k in range(out.shape[2]):
+                colour = np.float32(0.0)
+                for n in range(len(colours)):
+                    colour += to_rgb[k, n + 1] * colours[n, r, c]
+                below = _whole(low[r, c] + MIDDLE + colour)
+                out[r, c, k] = below + upper * (_whole(high[r, c] + MIDDLE + colour) - below)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _whole(value):
+    """Return a level rounded as the decoder does: halves go up."""
+    return min(max(np.floor(value + np.float32(0.5)), np.float32(0.0)), np.float32(255.0))
+
+
+@njit(cache=True, nogil=True)
+def _brightness_and_colours(image, to_ycc):
+    """Return Y - 128, Cb, Cr (3, rows, columns) of an image (rows, columns, 3), red first."""
+    rows, columns = image.shape[:2]
+    out = np.empty((3, rows, columns), np.float32)
+    for r in range(rows):
+        for c in range(columns):
+            for k in range(3):
+                total = np.float32(0.0)
+                for n in range(3):
+                    total += to_ycc[k, n] * image[r, c, n]
+                out[k, r, c] = total - MIDDLE if k == 0 else total
+    return out
+
+
+def _noise_of_blocks(noise, shape):
+    """Return the noise (block rows, block columns) of a plane's blocks: of uneven noise a block's mean variance counts."""
     if np.ndim(noise):
-        noise = _spread_out(np.sqrt(_means(_filled_up(noise) ** 2, BLOCK)))
-    return lower, ndtr((coefficients - lower - 0.5) * steps / np.maximum(noise, np.float32(NO_NOISE)))
+        return np.sqrt(_means(_filled_up(noise) ** 2, BLOCK)).astype(np.float32)
+    return np.full((-(-shape[0] // BLOCK), -(-shape[1] // BLOCK)), noise, np.float32)
+
+
+@njit(cache=True, nogil=True)
+def _by_blocks(plane, noise, table):
+    """Return (plane with the lower of two steps of its blocks' means, with the upper one, probability of the upper one).
+
+    plane (rows, columns) of whole blocks, noise and probability (block rows, block columns). An orthonormal transform leaves
+    white noise as it is: of all other coefficients the mean of the two steps is taken.
+    """
+    low, high = np.empty_like(plane), np.empty_like(plane)
+    share = np.empty(noise.shape, np.float32)
+    block, half = np.empty((BLOCK, BLOCK), np.float32), np.empty((BLOCK, BLOCK), np.float32)
+    for i in range(noise.shape[0]):
+        for j in range(noise.shape[1]):
+            at = plane[i * BLOCK : (i + 1) * BLOCK, j * BLOCK : (j + 1) * BLOCK]
+            _transformed(at, COSINES, half, block)
+            sd = max(noise[i, j], np.float32(NO_NOISE))
+            for u in range(BLOCK):
+                for v in range(BLOCK):
+                    steps = block[u, v] / table[u, v]
+                    lower = np.floor(steps)
+                    d = (steps - lower - 0.5) * table[u, v] / sd
+                    upper = 0.0 if d < -6.0 else (1.0 if d > 6.0 else 0.5 * math.erfc(-d / SQRT_2))
+                    if u == 0 and v == 0:
+                        share[i, j] = upper
+                        block[u, v] = lower * table[u, v]
+                    else:
+                        block[u, v] = (lower + upper) * table[u, v]
+            _transformed(block, COSINES_BACK, half, low[i * BLOCK : (i + 1) * BLOCK, j * BLOCK : (j + 1) * BLOCK])
+            for u in range(i * BLOCK, (i + 1) * BLOCK):
+                for v in range(j * BLOCK, (j + 1) * BLOCK):
+                    high[u, v] = low[u, v] + table[0, 0] / np.float32(BLOCK)
+    return low, high, share
+
+
+@njit(cache=True, nogil=True)
+def _transformed(block, basis, half, out):
+    """Write basis @ block @ basis.T, all (8, 8), to ``out``."""
+    for u in range(BLOCK):
+        for c in range(BLOCK):
+            total = np.float32(0.0)
+            for r in range(BLOCK):
+                total += basis[u, r] * block[r, c]
+            half[u, c] = total
+    for u in range(BLOCK):
+        for v in range(BLOCK):
+            total = np.float32(0.0)
+            for c in range(BLOCK):
+                total += half[u, c] * basis[v, c]
+            out[u, v] = total
 
 
 def _filled_up(plane, side=BLOCK):
     rows, columns = plane.shape
+    if rows % side == columns % side == 0:
+        return np.ascontiguousarray(plane)
     return np.pad(plane, ((0, -rows % side), (0, -columns % side)), mode="edge")
 
 
@@ -142,20 +215,6 @@ def _spread_out(blocks):
     return np.repeat(np.repeat(blocks, BLOCK, axis=0), BLOCK, axis=1)
 
 
-def _decoded(coefficients, table, shape):
-    """Return the plane of coefficients in steps of the table, cut to its shape."""
-    return _by_blocks(coefficients * _tiled(table, coefficients.shape), COSINES.T, COSINES)[: shape[0], : shape[1]]
-
-
-def _tiled(table, shape):
-    return np.tile(table, (shape[0] // BLOCK, shape[1] // BLOCK))
-
-
-def _whole(values):
-    """Return levels rounded as the decoder does: halves go up."""
-    return np.clip(np.floor(values + np.float32(0.5)), 0, 255)
-
-
 def expected(image, quality, full_colour, noise_dn):
     """Return the mean grey levels (H, W, 1 or 3) float32 that ``compressed`` gives of an image, not rounded, under noise.
 
@@ -165,15 +224,11 @@ def expected(image, quality, full_colour, noise_dn):
     of_channels = _of_all_channels(noise_dn)
     noise = BRIGHTNESS_NOISE * of_channels
     if image.shape[2] == 1:
-        return mean_decoded(image[..., 0] - MIDDLE, brightness, noise, lambda y: _whole(y + MIDDLE)[..., None])
-    y, *chroma = np.moveaxis(image @ TO_YCC.T, 2, 0)
+        no_colours = np.empty((0, *image.shape[:2]), np.float32)
+        return mean_decoded(image[..., 0] - MIDDLE, brightness, noise, no_colours)
+    y, *chroma = _brightness_and_colours(np.ascontiguousarray(image), TO_YCC)
     stored = quantised if full_colour else _stored_in_half
-    planes = [stored(plane, colour, COLOUR_NOISE * of_channels) for plane in chroma]
-
-    def decode(y):
-        return _whole(np.stack([y + MIDDLE, *planes], axis=-1) @ TO_RGB.T)
-
-    return mean_decoded(y - MIDDLE, brightness, noise, decode)
+    return mean_decoded(y, brightness, noise, np.stack([stored(p, colour, COLOUR_NOISE * of_channels) for p in chroma]))
 
 
 def _of_all_channels(noise_dn):
@@ -194,8 +249,7 @@ def apply(image, view, p, rng):
     """Encode and decode the frame."""
     if p["loss"] == 0:
         return image
-    m = view.margin
-    frame = (slice(m, m + view.height), slice(m, m + view.width))
+    frame = slice(None) if view.windows is not None else frame_of(view)  # windows are whole blocks
     if rng is None:
         noise_dn = view.noise_dn[frame] if np.ndim(view.noise_dn) else view.noise_dn
         codec = functools.partial(expected, noise_dn=np.hypot(noise_dn, ROUNDING_DN))

@@ -8,7 +8,7 @@ analysis" (2000); the thin lens's circle of confusion, e.g. Hecht, "Optics".
 import numpy as np
 
 from effects.base import PARTS, Parameter
-from effects.filters import gaussian_points, soft_disc, soft_points
+from effects.filters import gaussian_points, gaussian_reach_px, soft_disc, soft_points
 
 STAGE, ORDER = "lens", 110
 AFFECTS = "point_spread"
@@ -45,6 +45,11 @@ def left_to_blur(p):
     """Return the parameters of what ``spread`` leaves to ``apply``."""
     left = max(p["sigma_px"] ** 2 - FINE_PX**2, 0.0) if p["softness"] == 1 else 0.0
     return {"sigma_px": float(np.sqrt(left)), "softness": 1.0}
+
+
+def reach_px(p):
+    """Return how far ``apply`` looks."""
+    return gaussian_reach_px(p["sigma_px"])
 
 
 def apply(image, view, p, rng):

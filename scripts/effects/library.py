@@ -20,6 +20,7 @@ HOOKS = {  # functions that an effect may have, with their parameters
     "apply": ("image", "view", "p", "rng"),
     "variance": ("linear", "p"),
     "noise_gain": ("p",),
+    "reach_px": ("p",),
 }
 NEEDED = ("STAGE", "ORDER", "AFFECTS", "PARAMETERS")
 OPTIONAL = ("STARTS", "CHROMATIC", "MAKES_COLOUR", "MIXES_CHANNELS")

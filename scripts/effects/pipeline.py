@@ -5,8 +5,9 @@ pattern, noise, mosaic, clipping) -> encoding to 0..255 -> the campaign's declar
 denoising, sharpening, JPEG) -> crop. Why this order: docs/effects.md.
 """
 
+import functools
 import itertools
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -103,6 +104,11 @@ def left_to_apply(chosen):
     return left
 
 
+def reach_px(chosen):
+    """Return how far from a pixel the effects look that act on an image, all after one another."""
+    return sum(module.reach_px(p) for module, p in active(chosen, "apply") if hasattr(module, "reach_px"))
+
+
 def inverse_points(xy, view, chosen, channel=1, iterations=20):
     """Return the ideal pinhole pixels (n, 2) that land on image pixels xy, to 1e-6 px; Newton steps with differences.
 
@@ -197,39 +203,95 @@ def levels_and_noise(image, view, chosen, rng):
 
     The latter, grey levels, is a number or as the image; it is followed in expected images only.
     """
+    return form(image, view, chosen, rng).outcome
+
+
+@dataclass(frozen=True)
+class Formed:
+    """An image that was formed: what came out of each step, so that a change is followed from where it acts."""
+
+    keys: tuple
+    states: tuple
+
+    @property
+    def outcome(self):
+        """Return (grey levels, noise_dn) as ``levels_and_noise``."""
+        image, _, noise_dn = self.states[-1]
+        return image, noise_dn
+
+
+def form(image, view, chosen, rng, like=None):
+    """Return the Formed of linear radiance (rows, columns, C) whose points are where they land.
+
+    ``like`` is one of the same radiance, view and random numbers: steps that agree with its first ones are not done again.
+    """
+    steps = _steps(np.asarray(image, np.float32), view, chosen, rng)
+    keys = tuple(key for key, _ in steps)
+    same = 0
+    if like is not None:
+        same = next(
+            (k for k, (a, b) in enumerate(zip(keys, like.keys, strict=False)) if a != b), min(len(keys), len(like.keys))
+        )
+    states = list(like.states[:same]) if same else []
+    for _, step in steps[same:]:
+        states.append(step(*(states[-1] if states else (np.asarray(image, np.float32), 0.0, view.noise_dn))))
+    return Formed(keys, tuple(states))
+
+
+def _steps(image, view, chosen, rng):
+    """Return [(key, function of (image, variance, noise_dn) that returns these)]: how radiance becomes grey levels.
+
+    ``variance``, squared grey levels of full scale 255, is that of linear values, ``noise_dn`` that of encoded ones.
+    """
     found = active(chosen, "apply")
     colour = any(
         getattr(m, "MAKES_COLOUR", False) or (rng is not None and getattr(m, "MIXES_CHANNELS", False)) for m, _ in found
     )
+    optics = of_stage(found, "lens") + of_stage(found, "shutter")
+    steps = [("exposure", functools.partial(_scaled, np.float32(view.exposure)))]
+    steps += [(_step_key(m, p), functools.partial(_applied, m, p, view, rng)) for m, p in optics]
+    if colour and image.shape[2] == 1:  # late: what lies before costs a third
+        steps.append(("colour", lambda image, *noise: (np.repeat(image, 3, axis=2), *noise)))
+    steps += [(_step_key(m, p), functools.partial(_sensed, m, p, view, rng)) for m, p in of_stage(found, "sensor")]
+    steps.append(("encoding", functools.partial(_encoded, view, rng)))
+    steps += [(_step_key(m, p), functools.partial(_applied, m, p, view, rng)) for m, p in of_stage(found, "processing")]
+    return steps
 
-    def apply(image, stage):
-        for module, p in of_stage(found, stage):
-            image = module.apply(image, view, p, rng)
-        return image
 
-    image = np.asarray(image, np.float32)
-    if view.exposure != 1.0:
-        image = image * np.float32(view.exposure)
-    image = apply(apply(image, "lens"), "shutter")
-    if colour and image.shape[2] == 1:
-        image = np.repeat(image, 3, axis=2)  # late: what lies before costs a third
-    variance = 0.0
-    for module, p in of_stage(found, "sensor"):
-        if rng is None and hasattr(module, "variance"):
-            variance = variance + module.variance(image, p)
-        image = module.apply(image, view, p, rng)
+def _step_key(module, p):
+    return module.__name__, tuple(sorted(p.items()))
+
+
+def _scaled(exposure, image, variance, noise_dn):
+    return (image * exposure if exposure != 1 else image), variance, noise_dn
+
+
+def _applied(module, p, view, rng, image, variance, noise_dn):
+    image = module.apply(image, replace(view, noise_dn=noise_dn), p, numbers_of(rng, module))
+    if rng is None and hasattr(module, "noise_gain"):
+        noise_dn = noise_dn * module.noise_gain(p)
+    return image, variance, noise_dn
+
+
+def _sensed(module, p, view, rng, image, variance, noise_dn):
+    if rng is None and hasattr(module, "variance"):
+        variance = variance + module.variance(image, p)
+    return module.apply(image, view, p, numbers_of(rng, module)), variance, noise_dn
+
+
+def _encoded(view, rng, image, variance, noise_dn):
     if np.ndim(variance):
-        view = replace(
-            view, noise_dn=np.hypot(np.float32(view.noise_dn), encoded_noise(image, variance, view.encoding))
-        )
+        noise_dn = np.hypot(np.float32(noise_dn), encoded_noise(image, variance, view.encoding))
     image = encode(image, view.encoding)
     if rng is not None and view.noise_dn > 0:
-        image = image + np.float32(view.noise_dn) * rng.standard_normal(image.shape, dtype=np.float32)
-    for module, p in of_stage(found, "processing"):
-        image = module.apply(image, view, p, rng)
-        if rng is None and hasattr(module, "noise_gain"):
-            view = replace(view, noise_dn=view.noise_dn * module.noise_gain(p))
-    return image, view.noise_dn
+        declared = numbers_of(rng, None).standard_normal(image.shape, dtype=np.float32)
+        image = image + np.float32(view.noise_dn) * declared
+    return image, variance, noise_dn
+
+
+def numbers_of(rng, module):
+    """Return the random numbers of one step: a source that has some for each name keeps steps apart."""
+    return rng.of(module.__name__ if module else "declared") if hasattr(rng, "of") else rng
 
 
 def of_stage(found, stage):

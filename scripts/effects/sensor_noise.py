@@ -9,7 +9,7 @@ An expected image is no noiseless one: clipping and a bent encoding move the mea
 import numpy as np
 
 from effects.base import Parameter
-from effects.encoding import decode, encode
+from effects.encoding import decode, encode, look_up
 
 STAGE, ORDER = "sensor", 20
 AFFECTS = "intensity"
@@ -43,7 +43,8 @@ def expected(image, view, p):
     noisy = linear + np.sqrt(variance(linear, p)) / 255 * NODES
     means = encode(noisy.astype(np.float32), view.encoding) @ (WEIGHTS / WEIGHTS.sum())
     table = decode(means, view.encoding)
-    return np.interp(np.sqrt(np.clip(image, 0, BRIGHTEST)), ROOTS, table).astype(np.float32)
+    roots = np.sqrt(np.clip(image, 0, BRIGHTEST), dtype=np.float32)
+    return look_up(roots, table.astype(np.float32), 0.0, float(ROOTS[-1]))
 
 
 def apply(image, view, p, rng):

@@ -6,7 +6,7 @@ v' = v + amount (v - blur(v)), a Gaussian of radius_px. Source: unsharp masking 
 import numpy as np
 
 from effects.base import Parameter
-from effects.filters import gaussian, gaussian_taps
+from effects.filters import gaussian, gaussian_reach_px, gaussian_taps
 
 STAGE, ORDER = "processing", 40
 AFFECTS = "intensity"
@@ -23,6 +23,11 @@ PARAMETERS = {
     ),
 }
 STARTS = ({"amount": 0.5}, {"amount": 0.5, "radius_px": 2.0})
+
+
+def reach_px(p):
+    """Return how far ``apply`` looks."""
+    return gaussian_reach_px(p["radius_px"])
 
 
 def apply(image, view, p, rng):

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from effects.base import Parameter
+from effects.encoding import look_up
 
 STAGE, ORDER = "processing", (20, 35, 45)
 AFFECTS = "intensity"
@@ -59,9 +60,5 @@ def apply(image, view, p, rng):
     """
     if not any(p[k] for k in LIFTS):
         return image  # not through a table
-    levels = np.clip(image, 0, 255)
-    at = levels * np.float32(STEPS / 255)
-    table = curve(p).astype(np.float32)
-    low = np.minimum(at.astype(np.int32), STEPS - 1)
-    bent = table[low] + (at - low.astype(np.float32)) * (table[low + 1] - table[low])
-    return bent + (image - levels) if rng is None else bent
+    bent = look_up(np.ascontiguousarray(image), curve(p).astype(np.float32), 0.0, 255.0)
+    return bent + (image - np.clip(image, 0, 255)) if rng is None else bent

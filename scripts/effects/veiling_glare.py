@@ -6,6 +6,7 @@ x' = (1 - share) x + share mean(x). Source: ISO 9358, veiling glare index.
 import numpy as np
 
 from effects.base import Parameter
+from effects.filters import frame_of
 
 STAGE, ORDER = "lens", 150
 AFFECTS = "intensity"
@@ -18,7 +19,5 @@ PARAMETERS = {
 
 def apply(image, view, p, rng):
     """Mix with the frame's mean."""
-    m = view.margin
-    frame = image[m : m + view.height, m : m + view.width]
-    mean = frame.mean(axis=(0, 1), dtype=np.float64).astype(np.float32)
+    mean = image[frame_of(view)].mean(axis=(0, 1), dtype=np.float64).astype(np.float32)
     return np.float32(1 - p["share"]) * image + np.float32(p["share"]) * mean
