@@ -299,11 +299,6 @@ def diagnosis_effect_code(wildcards):
     return code_of_effects(names | set(CANDIDATES))
 
 
-def candidate_code(wildcards):
-    """Return the code of the effect that a job tries."""
-    return code_of_effects([wildcards.effect])
-
-
 def trial_kind(wildcards):
     """Return what kind of thing a blind trial hides."""
     return TRIALS[wildcards.trial][0]

@@ -1,26 +1,20 @@
 """Diagnose: which effect the twin of each camera lacks, and how its error falls as effects are added.
 
 Needs: expand/, register/CAMERA.json, captures, the twin as configured. Makes: diagnosis/CAMERA.json (the verdict),
-diagnosis/CAMERA/ (observations, one file a candidate, tables for pictures), tables/ladder.csv. No Blender in the loop:
-the fit draws the known plates itself (scripts/gap/synthesis.py, held to Blender's renders by a test).
+diagnosis/CAMERA/ (observations, tables for pictures), tables/ladder.csv. Cameras go in turn, each on two cores, so that the
+first verdict comes early. No Blender in the loop: the fit draws the known plates itself (scripts/gap/predict/, held to
+Blender's renders by a test).
 """
-
-
-wildcard_constraints:
-    effect="|".join(sorted(available_effects())),
 
 
 rule observe_captures:
     input:
         scene=f"{RESULTS}/expand/{{camera}}/scene.json",
-        register_csv=f"{RESULTS}/register/{{camera}}.csv",
         register_json=f"{RESULTS}/register/{{camera}}.json",
         images=captures_of,
         code=imports_of("observe_captures.py"),
-        effect_code=diagnosis_effect_code,
     output:
         observations=f"{RESULTS}/diagnosis/{{camera}}/observations.npz",
-        base=f"{RESULTS}/diagnosis/{{camera}}/base.json",
     log:
         f"{RESULTS}/logs/observe_captures/{{camera}}.log",
     benchmark:
@@ -31,9 +25,6 @@ rule observe_captures:
         "../envs/twingap.yaml"
     params:
         campaign=CAMPAIGN,
-        effects=configured_effects,
-        free=free_parameters,
-        candidates=CANDIDATES,
         pins=locked("numpy", "scipy", "numba", "opencv-contrib-python-headless"),
     message:
         "Measuring the plates of {wildcards.camera} by their known codes"
@@ -41,38 +32,11 @@ rule observe_captures:
         "../scripts/observe_captures.py"
 
 
-rule try_effect:
-    input:
-        scene=f"{RESULTS}/expand/{{camera}}/scene.json",
-        register_json=f"{RESULTS}/register/{{camera}}.json",
-        observations=f"{RESULTS}/diagnosis/{{camera}}/observations.npz",
-        base=f"{RESULTS}/diagnosis/{{camera}}/base.json",
-        code=imports_of("try_effect.py"),
-        effect_code=candidate_code,
-    output:
-        f"{RESULTS}/diagnosis/{{camera}}/candidates/{{effect}}.json",
-    log:
-        f"{RESULTS}/logs/try_effect/{{camera}}_{{effect}}.log",
-    # the diagnosis is the longest way: it goes first
-    priority: 20
-    conda:
-        "../envs/twingap.yaml"
-    message:
-        "Is it {wildcards.effect} that the twin of {wildcards.camera} lacks?"
-    script:
-        "../scripts/try_effect.py"
-
-
 rule diagnose_camera:
     input:
         scene=f"{RESULTS}/expand/{{camera}}/scene.json",
         register_json=f"{RESULTS}/register/{{camera}}.json",
         observations=f"{RESULTS}/diagnosis/{{camera}}/observations.npz",
-        base=f"{RESULTS}/diagnosis/{{camera}}/base.json",
-        candidates=expand(
-            f"{RESULTS}/diagnosis/{{{{camera}}}}/candidates/{{effect}}.json",
-            effect=CANDIDATES,
-        ),
         code=imports_of("diagnose_camera.py"),
         effect_code=diagnosis_effect_code,
     output:
@@ -93,9 +57,14 @@ rule diagnose_camera:
     priority: 40
     conda:
         "../envs/twingap.yaml"
+    threads: 2
     params:
         campaign=CAMPAIGN,
-        most_steps=config["diagnose"]["most_steps"],
+        effects=configured_effects,
+        free=free_parameters,
+        candidates=CANDIDATES,
+        budget=config["diagnose"]["budget"],
+        pins=locked("numpy", "scipy", "numba", "opencv-contrib-python-headless"),
     message:
         "What does the twin of {wildcards.camera} lack?"
     script:
@@ -127,7 +96,6 @@ if not HAS_MARKERS:
             "../envs/twingap.yaml"
         params:
             campaign=campaign_folder,
-            most_steps=config["diagnose"]["most_steps"],
             pins=locked("numpy", "opencv-contrib-python-headless"),
         message:
             "What does the twin of {wildcards.camera} lack, as its board tells?"

@@ -2,7 +2,7 @@
 
     python scripts/adopt_effect.py CAMERA                   the verdict's next effect
     python scripts/adopt_effect.py CAMERA EFFECT            this one, with its fitted parameters
-    python scripts/adopt_effect.py CAMERA --auto            climb until the diagnosis finds nothing more
+    python scripts/adopt_effect.py CAMERA --auto            go on until the diagnosis finds nothing more
     python scripts/adopt_effect.py CAMERA EFFECT --remove   take it out of the twin
 
 The twin is config/twins/<campaign>/<camera>.yaml; comments and order of what stands there are kept. Says at the end
@@ -79,7 +79,7 @@ def read_diagnosis(campaign, camera):
 
 
 def next_effect(diagnosis, adopted):
-    """Return the first effect of the climb that the twin lacks; raises InputError where there is none."""
+    """Return the first effect of the verdict that the twin lacks; raises InputError where there is none."""
     for step in diagnosis["steps"]:
         if step["effect"] not in adopted:
             return step["effect"]
@@ -99,7 +99,7 @@ def finding(diagnosis, effect):
         if step["effect"] == effect:
             values = {k: (v["value"], v.get("se")) for k, v in step["parameters"].items()}
             gaps = f"held-out gap {step['gap_before']:.2f} -> {step['gap_after']:.2f} floors"
-            return values, f"climb of the diagnosis of {where}, {gaps}"
+            return values, f"verdict on {where}, {gaps}"
     for candidate in diagnosis["candidates"]:
         if candidate["effect"] == effect and candidate.get("parameters"):
             values = {k: (v, None) for k, v in candidate["parameters"].items()}
@@ -288,10 +288,10 @@ def say_what_was_adopted(path, entries):
         print(f"{path}: {describe(entry)}; {entry['origin']}.")
 
 
-def climb(path, campaign, camera, folder, cores):
+def adopt_all(path, campaign, camera, folder, cores):
     """Adopt what the diagnosis finds and diagnose again, until it finds nothing more.
 
-    The twin's file and the diagnosis belong together, so nothing is printed between them: a closed pipe ends the climb
+    The twin's file and the diagnosis belong together, so nothing is printed between them: a closed pipe ends it
     before or after both.
     """
     if folder is None:
@@ -324,7 +324,7 @@ def adopt_effect(camera, effect, campaign, take_out, auto, cores):
     name, folder = find_campaign(campaign)
     path = Path(f"config/twins/{name}/{camera}.yaml")
     if auto:
-        climb(path, name, camera, folder, cores)
+        adopt_all(path, name, camera, folder, cores)
     elif take_out:
         remove(path, effect)
         print(f"{path}: {effect} is out.")
@@ -340,7 +340,7 @@ def main(arguments=None):
     parser.add_argument("effect", metavar="EFFECT", nargs="?")
     parser.add_argument("--campaign", metavar="NAME|FOLDER", help="default: the configured campaign")
     parser.add_argument("--remove", action="store_true", help="take EFFECT out of the twin")
-    parser.add_argument("--auto", action="store_true", help="climb until the diagnosis finds nothing more")
+    parser.add_argument("--auto", action="store_true", help="go on until the diagnosis finds nothing more")
     parser.add_argument("--cores", type=int, default=2, help="for --auto (default 2)")
     given = parser.parse_intermixed_args(arguments)
     job.set_up_log()

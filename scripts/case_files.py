@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from effects.base import View
-from gap.case import MARGIN_PX, Capture, Case, encoding_table
-from gap.observe import Codes, Observation, read_rgb
+from gap.measure.capture import Codes, Observation, read_rgb
+from gap.problem import MARGIN_PX, Capture, Case, encoding_table
 from rig import tables
 from rig.errors import InputError
 from rig.geometry import camera_matrix, make_pose
@@ -25,6 +25,7 @@ OBSERVED = (
     "field_n",
     "noise",
     "noise_se",
+    "regions",
 )
 
 
@@ -76,20 +77,18 @@ def read_capture(campaign, image):
     return read_rgb(pixels[..., :3] if pixels.ndim == 3 else pixels)
 
 
-def save_observations(path, case):
-    """Write what was measured in all captures to an uncompressed npz; the same bytes for the same numbers."""
+def save_observations(file, case):
+    """Write what was measured in all captures to an open npz file; the same bytes for the same numbers."""
     arrays = {name: np.stack([getattr(c.observation, name) for c in case.captures]) for name in OBSERVED}
-    arrays["classes"] = np.stack([c.observation.classes for c in case.captures])
     arrays["noise_variance"] = np.array([c.noise_variance for c in case.captures])
-    with open(path, "wb") as file:
-        np.savez_compressed(file, **arrays)
+    np.savez_compressed(file, **arrays)
 
 
 def load_observations(path, case):
     """Put what ``save_observations`` wrote back into the case's captures."""
     with np.load(path) as stored:
-        arrays = {name: stored[name] for name in (*OBSERVED, "classes", "noise_variance")}
+        arrays = {name: stored[name] for name in (*OBSERVED, "noise_variance")}
     for i, capture in enumerate(case.captures):
-        values = {name: arrays[name][i] for name in (*OBSERVED, "classes")}
+        values = {name: arrays[name][i] for name in OBSERVED}
         capture.observation = Observation(**values)
         capture.noise_variance = float(arrays["noise_variance"][i])

@@ -1,6 +1,6 @@
 """Compare: what the detectors find in the ideal twin and in the twin with all effects that its verdict names.
 
-Both twins stand at the stations, as in Tables 1 and 2, and are drawn as the fit draws them (gap.synthesis, held to
+Both twins stand at the stations, as in Tables 1 and 2, and are drawn as the fit draws them (gap.predict.synthesis, held to
 Blender's renders by a test), so that they differ by the effects alone.
 """
 

@@ -14,15 +14,15 @@ import job
 from effects import library
 from effects.base import View
 from gap import ladder, points
-from gap.climb import ENOUGH
-from gap.diagnose import MANY_PARAMETERS, fitted
+from gap.parameters import fitted_parameters
+from gap.search import MAX_PARAMETERS, MIN_GAIN
+from gap.select_effects import HARDLY_CLOSED, MAX_FLOOR_GAP
 from register_captures import better_finder, board_finder, look_at_captures, usable_views
 from rig import calibration, tables
 from rig.campaign import Board
 from rig.registration import pose_from_plane
 
 log = logging.getLogger("twingap")
-LEAST_GAIN = 25.0
 NOT_LOOKED_AT = "board photographs show no known levels, light or stations"
 
 
@@ -47,34 +47,43 @@ def evaluated(train, test, effects, free, focal, sigma):
     losses = np.array([points.rho(p).sum() for p in parts])
     return {
         "focal": focal, "effects": effects, "converged": converged, "losses": losses, "gap": points.gap_of(parts),
-        "rms_px": points.rms_px(parts, sigma),
+        "rms_px": points.rms_px(parts, sigma), "n_points": sum(p.size for p in parts) // 2,
         "errors": dict(zip(free, np.sqrt(np.maximum(np.diag(covariance), 0)), strict=True)),
     }  # fmt: skip
 
 
-def climb(train, test, focal, sigma, most_steps):
+def select_effects(train, test, focal, sigma):
     """Return (base outcome, steps, candidates of the first step); an effect is added while it helps on held-out views.
 
-    What can mimic anything, a warp of many waves, competes only where the others leave a gap.
+    What can mimic anything, a warp of many waves, competes only where the others leave a gap. What leaves most of the excess
+    where it was is a patch on something else, and gets no name.
     """
     base = evaluated(train, test, [], [], focal, sigma)
-    rigid = [n for n in points.point_effects() if len(library.nulls_of(n)) <= MANY_PARAMETERS]
-    steps, first = climbed(base, rigid, train, test, sigma, most_steps)
+    rigid = [n for n in points.point_effects() if len(library.nulls_of(n)) <= MAX_PARAMETERS]
+    steps, first = added(base, rigid, train, test, sigma)
     if (steps[-1][2] if steps else base)["gap"] > BOARD_ENOUGH:
-        steps, _ = climbed(base, points.point_effects(), train, test, sigma, most_steps, steps)
+        steps, _ = added(base, points.point_effects(), train, test, sigma, steps)
+    if steps and share_left(base, steps[-1][2]) > HARDLY_CLOSED:
+        steps = []
     return base, steps, first
 
 
-def climbed(base, names, train, test, sigma, most_steps, taken=()):
-    """Return (steps, candidates of the first step) of a climb with some effects; ``taken`` are the steps before it."""
+def share_left(base, outcome):
+    """Return the share of a base outcome's held-out loss above the floor that another one leaves."""
+    floor = points.RHO_NOISE * 2 * base["n_points"]
+    return (outcome["losses"].sum() - floor) / max(base["losses"].sum() - floor, 1.0)
+
+
+def added(base, names, train, test, sigma, taken=()):
+    """Return (steps, candidates of the first step) of adding some effects; ``taken`` are the steps before it."""
     steps, first = list(taken), None
     current = steps[-1][2] if steps else base
-    while len(steps) < most_steps:
+    while True:
         tried = {n: candidate(n, current, train, test, sigma) for n in names if n not in dict(current["effects"])}
         first = first or tried
         good = {
             n: o for n, o in tried.items()
-            if o["gain"] > LEAST_GAIN + 2 * o["parameters"] and o["share"] >= 0.6 and o["gap"] < 0.95 * current["gap"]
+            if o["gain"] > MIN_GAIN + 2 * o["parameters"] and o["share"] >= 0.6 and o["gap"] < 0.95 * current["gap"]
         }  # fmt: skip
         if not good:
             break
@@ -89,12 +98,12 @@ def candidate(name, current, train, test, sigma):
     """Return the outcome of an effect added to the current one, all effects refitted."""
     start = library.starts_of(name)[0]
     effects = [*current["effects"], (name, start)]
-    outcome = evaluated(train, test, effects, fitted(effects), current["focal"], sigma)
+    outcome = evaluated(train, test, effects, fitted_parameters(effects), current["focal"], sigma)
     gain = current["losses"] - outcome["losses"]
     return outcome | {"gain": float(gain.sum()), "share": float((gain > 0).mean()), "parameters": len(start)}
 
 
-def diagnose_board(expand, campaign, camera, most_steps, out, out_ladder):
+def diagnose_board(expand, campaign, camera, out, out_ladder):
     """Write the verdict and the ladder of one camera."""
     expand = Path(expand)
     facts = json.loads((expand / "scene.json").read_text())
@@ -113,7 +122,7 @@ def diagnose_board(expand, campaign, camera, most_steps, out, out_ladder):
     views, focal = board_views(found, size, camera)
     train, test = views[0::2], views[1::2]
     sigma = max(points.local_noise_px(views) or 0.2, 0.02)
-    base, steps, first = climb(train, test, focal, sigma, most_steps)
+    base, steps, first = select_effects(train, test, focal, sigma)
     gap = steps[-1][2]["gap"] if steps else base["gap"]
     left = "unexplained" if gap > BOARD_ENOUGH else ("explained" if steps else "adequate")
     result |= {
@@ -138,7 +147,7 @@ def diagnose_board(expand, campaign, camera, most_steps, out, out_ladder):
     return _write(result, table, out, out_ladder)
 
 
-BOARD_ENOUGH = 2 * ENOUGH  # a board's corner noise varies over the image; twice the floor is still noise-like
+BOARD_ENOUGH = 2 * MAX_FLOOR_GAP  # a board's corner noise varies over the image; twice the floor is still noise-like
 
 
 def _step(step, last):
@@ -165,7 +174,6 @@ if __name__ == "__main__":
         expand=Path(snakemake.input.scene).parent,
         campaign=snakemake.params.campaign,
         camera=snakemake.wildcards.camera,
-        most_steps=snakemake.params.most_steps,
         out=snakemake.output.verdict,
         out_ladder=snakemake.output.ladder,
     )

@@ -3,6 +3,7 @@
 import contextlib
 import hashlib
 import logging
+import math
 import os
 import sys
 import tempfile
@@ -16,6 +17,17 @@ log = logging.getLogger("twingap")
 def seed_of(*names):
     """Return a 64-bit seed that depends on the names alone."""
     return int.from_bytes(hashlib.sha256("\x1f".join(map(str, names)).encode()).digest()[:8], "big")
+
+
+def clean(value):
+    """Return a value that JSON can hold: NaN and infinity become null."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {k: clean(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [clean(v) for v in value]
+    return value
 
 
 @contextlib.contextmanager

@@ -5,8 +5,6 @@ import pytest
 from workflow_runs import PROJECT
 
 MAX_LINES = 400
-# Being split: a name leaves this list with its file's split.
-EXCEPTIONS = {"scripts/gap/diagnose.py", "scripts/gap/fit.py"}
 
 
 def too_long(project):
@@ -21,12 +19,7 @@ def too_long(project):
 
 def test_no_file_has_more_lines_than_one_can_read():
     """Fails if a file grows beyond the limit instead of being split by what it is about."""
-    assert too_long(PROJECT) <= EXCEPTIONS
-
-
-def test_exceptions_are_still_needed():
-    """Fails if a file that was split keeps its exception, under which it could grow again."""
-    assert too_long(PROJECT) >= EXCEPTIONS
+    assert too_long(PROJECT) == set()
 
 
 @pytest.mark.parametrize("lines", [MAX_LINES, MAX_LINES + 1])

@@ -105,7 +105,7 @@ def test_an_effects_edit_reruns_the_verdict_on_markers_and_no_twin(project):
     """Fails if a lens effect that no twin uses yet renders, exposes or detects, or leaves a verdict standing."""
     with edited(project / "scripts/effects/lens_blur.py", '"""', '"""Edited. '):
         plan = planned(project, *EVERYTHING, "--config", "campaign=markers", *TRIALS)
-    assert {"try_effect", "diagnose_camera", "compare_twins", "diagnose_trial"} <= set(plan)
+    assert {"diagnose_camera", "compare_twins", "diagnose_trial"} <= set(plan)
     assert not {"render_stations", "expose_twin", "detect_captures", "make_tables", "trace_moving"} & set(plan)
 
 

@@ -54,7 +54,7 @@ def test_a_detectors_edit_reruns_that_detector_and_what_reads_it(done):
         plan = plan_of(done)
     assert plan["detect_captures"] == 2
     assert {"aggregate_detections", "make_tables", "build_report"} <= set(plan)
-    assert not {"render_stations", "expose_twin", "register_captures", "try_effect"} & set(plan)
+    assert not {"render_stations", "expose_twin", "register_captures", "diagnose_camera"} & set(plan)
 
 
 def test_a_detectors_parameter_reruns_that_detector(done):

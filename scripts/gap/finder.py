@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from detectors import contract
 from detectors._opencv import OpenCvDetector
-from gap.observe import grey_of
+from gap.measure.capture import grey_of
 from rig.geometry import rotation_angle_deg
 
 

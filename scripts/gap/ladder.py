@@ -6,8 +6,8 @@ Errors are taken at each capture's own pose, estimated under its prior, and comp
 
 import numpy as np
 
-from gap.floors import overall_gap
-from gap.observe import wholly_inside
+from gap.measure.places import wholly_inside
+from gap.score import overall_gap
 from job import seed_of
 
 MEASURES = (
@@ -21,22 +21,20 @@ COLUMNS = (
 RESAMPLES = 400
 
 
-def rungs(diagnosis, twins, images, floors):
-    """Return one dict a twin [(effect, effects, poses or None)]: held-out errors, their floors and 95 % intervals.
+def rungs(solver, twins, images, floors):
+    """Return one dict a twin [(effect, effects, poses to start from)]: held-out errors, their floors and 95 % intervals.
 
     images {capture index: real image (H, W, C), red first, grey levels}.
     """
-    case = diagnosis.case
+    case = solver.problem
     finder = case.finder()
     real = {i: finder.find(images[i]) for i in images}
     rows, control = [], None
     for step, (effect, effects, poses) in reversed(list(enumerate(twins))):
-        poses, groups = diagnosis.fitter.score(effects, diagnosis.poses if poses is None else poses, list(images))
-        parts = {
-            i: capture_errors(diagnosis, finder, effects, poses[i], i, images[i], real[i], groups[i]) for i in images
-        }
+        poses, groups = solver.score(effects, poses, list(images))
+        parts = {i: capture_errors(solver, finder, effects, poses[i], i, images[i], real[i], groups[i]) for i in images}
         if control is None:  # the last twin: what a re-noised copy of it differs by from itself
-            control = control_errors(diagnosis, finder, effects, poses, images, floors)
+            control = control_errors(solver, finder, effects, poses, images, floors)
         row = {"step": step, "effect": effect}
         row |= {m: summary(parts, m, floors) for m in MEASURES}
         row |= {f"{m}_floor": control[m] for m in MEASURES}
@@ -46,14 +44,14 @@ def rungs(diagnosis, twins, images, floors):
     return sorted(rows, key=lambda r: r["step"])
 
 
-def capture_errors(diagnosis, finder, effects, delta, i, image, real, groups):
+def capture_errors(solver, finder, effects, delta, i, image, real, groups):
     """Return the raw errors of one held-out capture under a twin."""
-    case, capture = diagnosis.case, diagnosis.case.captures[i]
-    prediction = diagnosis.fitter.predict(i, effects, delta)
+    case, capture = solver.problem, solver.problem.captures[i]
+    prediction = solver.predictor.predict(i, effects, delta)
     o = capture.observation
     both = o.measured & prediction.measured
     corners = (o.features[both, :8] - prediction.features[both, :8]).reshape(-1, 2)
-    radiance = diagnosis.fitter.radiance(i, effects, delta)
+    radiance = case.radiance_of(capture, effects, delta)
     expected = case.image_of(radiance, capture, effects, delta)
     rng = np.random.default_rng(seed_of(case.campaign, case.camera, capture.view.capture, "ladder"))
     noisy = case.image_of(radiance, capture, effects, delta, rng)
@@ -68,12 +66,12 @@ def capture_errors(diagnosis, finder, effects, delta, i, image, real, groups):
     }
 
 
-def control_errors(diagnosis, finder, effects, poses, images, floors):
+def control_errors(solver, finder, effects, poses, images, floors):
     """Return the floor of each measure: noise of the corners and levels, and a twin against its re-noised self."""
-    case, compared, corner, level = diagnosis.case, {}, [], []
+    case, compared, corner, level = solver.problem, {}, [], []
     for i in images:
         capture = case.captures[i]
-        radiance = diagnosis.fitter.radiance(i, effects, poses[i])
+        radiance = case.radiance_of(capture, effects, poses[i])
         pair = []
         for draw in ("a", "b"):
             rng = np.random.default_rng(seed_of(case.campaign, case.camera, capture.view.capture, "control", draw))
@@ -81,7 +79,7 @@ def control_errors(diagnosis, finder, effects, poses, images, floors):
         truth = case.corners_of(capture, effects, poses[i])
         available = wholly_inside(truth, capture.view.width, capture.view.height, border=0.0)
         compared[i] = finder.compare(*pair, available)
-        sd = diagnosis.fitter.whiteners[i].feature_sd
+        sd = solver.whiteners[i].feature_sd
         if len(sd):
             corner.append((sd[:, :8] ** 2).reshape(-1, 2).sum(1))
         level.append(capture.noise_variance)

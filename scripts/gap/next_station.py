@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gap.observe import SMALLEST_SIDE_PX, code_sides_px, wholly_inside
+from gap.measure.places import SMALLEST_SIDE_PX, code_sides_px, wholly_inside
 from rig.geometry import station_pose
 
 

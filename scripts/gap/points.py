@@ -10,7 +10,8 @@ import numpy as np
 
 from effects import library, pipeline
 from effects.base import View
-from gap.fit import NU, RHO_NOISE, bounds_of, get_parameter, priors_of, rho, small_step, with_parameters
+from gap.parameters import bounds_of, get_parameter, priors_of, small_step, with_parameters
+from gap.residuals import NU, RHO_NOISE, rho
 from rig.geometry import camera_matrix, make_pose, perturb_pose, project
 
 FOCAL_STEP = 1e-5

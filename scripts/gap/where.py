@@ -3,9 +3,9 @@
 import numpy as np
 import pandas as pd
 
-from gap.flats import FIELD_COLUMNS, FIELD_ROWS, NOISE_FEATURES
-from gap.observe import COLOUR_FEATURES
-from gap.patch import FEATURES
+from gap.measure.capture import COLOUR_FEATURES
+from gap.measure.plate import FEATURES
+from gap.measure.regions import FIELD_COLUMNS, FIELD_ROWS, NOISE_FEATURES
 from rig.geometry import invert_pose, transform
 
 COVARIATES = (
@@ -22,7 +22,7 @@ def plate_gaps(case, effects, poses, predictions):
     """Return a table, a row a measured plate and capture: covariates, and real minus twin of every plate feature.
 
     Corners are summed up as ``dx_px``, ``dy_px`` (mean shift), ``d_radial_px`` (away from the image's centre),
-    ``d_scale`` (relative growth) and kept singly as well. Units as in gap.patch.UNITS.
+    ``d_scale`` (relative growth) and kept singly as well. Units as in gap.measure.plate.UNITS.
     """
     tables = []
     for i, prediction in predictions.items():
@@ -143,7 +143,7 @@ def field_gaps(case, predictions):
 
 
 def noise_gaps(case, predictions):
-    """Return a table of the noise features, real and twin (natural logarithms, see gap.flats)."""
+    """Return a table of the noise features, real and twin (natural logarithms, see gap.measure.regions)."""
     rows = []
     for i, prediction in predictions.items():
         if prediction.noise is None:

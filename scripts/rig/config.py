@@ -78,7 +78,12 @@ class Diagnose(Settings):
     candidates: list[str] = Field(
         default_factory=list, description="effects that compete; empty: all in scripts/effects", max_length=200
     )
-    most_steps: int = Field(6, ge=1, le=20, description="effects that a climb adds at most")
+    budget: int = Field(
+        60_000,
+        ge=100,
+        le=10_000_000,
+        description="predictions of one capture that a diagnosis may take; some 20 ms each",
+    )
 
 
 class BlindTrials(Settings):

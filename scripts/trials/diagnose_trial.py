@@ -19,46 +19,25 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import cv2
 
 import job
-from diagnose_camera import ranked, step_records
-from gap.climb import conclude
-from gap.diagnose import Diagnosis
-from gap.floors import group_gaps
+from diagnose_camera import verdict_record
+from gap.select_effects import verdict
 from trials.observe_trial import observe_trial, observed_cases
-from try_effect import clean
 
 
 def diagnose_case(case):
     """Return what diagnosis/CAMERA.json says of a measured Case, but for pictures and suggestions."""
     start = time.perf_counter()
-    diagnosis = Diagnosis(case)
-    if not diagnosis.is_usable():
-        why = diagnosis.why_unusable()
-        return {"camera": case.camera, "verdict": "unexplained", "why": why, "steps": [], "gap": None}
-    diagnosis.set_base([])
-    first, gap = diagnosis.base_groups, diagnosis.base_gap
-    promises = diagnosis.promises()
-    candidates = [diagnosis.try_promised(name, promises) for name in diagnosis.candidates]
-    found = conclude(diagnosis, candidates)
-    return {
-        "camera": case.camera,
-        "verdict": found.verdict,
-        "gap_as_configured": gap,
-        "gap": diagnosis.base_gap,
-        "gap_se": diagnosis.base_gap_se,
-        "share_left": found.share_left,
-        "groups": group_gaps(diagnosis.base_groups, diagnosis.floors),
-        "steps": step_records(found.steps, first, diagnosis.floors),
-        "candidates": ranked(candidates, diagnosis.floors)[:6],
-        "candidates_left": ranked(found.left, diagnosis.floors)[:4],
-        "promises": promises,
-        "floor": diagnosis.floors,
-        "seconds": time.perf_counter() - start,
-    }
+    try:
+        search, base, first, outcome = verdict(case)
+    except ValueError as why:
+        return {"camera": case.camera, "verdict": "unexplained", "why": str(why), "steps": [], "gap": None}
+    record = {"camera": case.camera, "share_left": outcome.share_left, "cost": search.cost}
+    return record | verdict_record(base, first, outcome) | {"seconds": time.perf_counter() - start}
 
 
 def replay(folder):
     """Return the verdicts, one a camera, of what ``observe_trial`` left in a folder: a list of dicts."""
-    return [clean(diagnose_case(case)) for case in observed_cases(folder)]
+    return [job.clean(diagnose_case(case)) for case in observed_cases(folder)]
 
 
 def diagnose_campaign(campaign):

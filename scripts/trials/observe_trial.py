@@ -34,7 +34,8 @@ def observe_camera(campaign, camera, folder):
     images = dict(zip(captures.capture, captures.image, strict=True))
     for capture in case.captures:
         case.observe_real(capture, read_capture(campaign, images[capture.view.capture]))
-    save_observations(folder / OBSERVATIONS, case)
+    with job.write_atomically(folder / OBSERVATIONS, "wb") as file:
+        save_observations(file, case)
 
 
 def observe_trial(campaign, out):

@@ -19,11 +19,10 @@ import cv2
 import numpy as np
 
 import job
-from gap.diagnose import Diagnosis
-from gap.fit import RHO_NOISE, rho
-from gap.floors import group_gaps
+from gap.residuals import RHO_NOISE, rho
+from gap.score import group_gaps
+from gap.search import Search
 from trials.observe_trial import observed_cases
-from try_effect import clean
 
 MIN_RISE = 0.02  # of a group's gap
 
@@ -45,29 +44,23 @@ class TrueTwin:
     without: dict
 
 
-def true_twin(diagnosis, names):
-    """Return the TrueTwin of a ``gap.diagnose.Diagnosis`` and the names of what is truly hidden; leave it as the base.
+def true_twin(search, names):
+    """Return the TrueTwin of a gap.search.Search and the names of what is truly hidden.
 
     Names that no effect of the library has are left out.
     """
-    names = [name for name in names if name in diagnosis.candidates]
-    if not diagnosis.is_usable():
+    names = [name for name in names if name in search.candidates]
+    if search.why_unusable():
         return TrueTwin([], None, {}, {}, [], names, {})
-    diagnosis.set_base([])
-    while left := [name for name in names if name not in dict(diagnosis.effects)]:
-        gains = diagnosis.promises(left)
-        diagnosis.adopt(diagnosis.try_effect(max(left, key=gains.get)))
-    effects, poses, floor, gap = diagnosis.effects, diagnosis.poses, diagnosis.floors, diagnosis.base_gap
-    groups = gaps_of(diagnosis.base_groups, floor)
-    without = {}
-    for name in names:
-        diagnosis.rebase(effects, poses)
-        diagnosis.drop(name)
-        without[name] = gaps_of(diagnosis.base_groups, floor)
-    diagnosis.rebase(effects, poses)
+    twin = search.fitted([])
+    while left := [name for name in names if name not in twin.names]:
+        gains = search.predicted_gains(twin, left)
+        twin = search.adopt(search.try_effect(twin, max(left, key=gains.get)))
+    groups = gaps_of(twin.groups, twin.floors)
+    without = {name: gaps_of(search.without(twin, name).groups, twin.floors) for name in names}
     counted = [name for name in names if rises(groups, without[name])]
     uncounted = [name for name in names if name not in counted]
-    return TrueTwin([[n, p] for n, p in effects], gap, groups, floor, counted, uncounted, without)
+    return TrueTwin([[n, p] for n, p in twin.effects], twin.gap, groups, twin.floors, counted, uncounted, without)
 
 
 def gaps_of(groups, floor):
@@ -93,9 +86,9 @@ def main():
     logging.getLogger("twingap").setLevel(logging.WARNING)
     names = [e["effect"] for e in json.loads(Path(arguments.truth).read_text())["effects"]]
     with job.one_message():
-        twins = {case.camera: asdict(true_twin(Diagnosis(case), names)) for case in observed_cases(arguments.observed)}
+        twins = {case.camera: asdict(true_twin(Search(case), names)) for case in observed_cases(arguments.observed)}
         with job.write_atomically(arguments.out) as file:
-            json.dump(clean(twins), file, indent=1)
+            json.dump(job.clean(twins), file, indent=1)
 
 
 if __name__ == "__main__":

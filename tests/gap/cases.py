@@ -1,4 +1,4 @@
-"""Cases for the gap's tests: generated campaigns (an image formation of their own) read into gap.case.Case."""
+"""Cases for the gap's tests: generated campaigns (an image formation of their own) read into gap.problem.Case."""
 
 from case_files import load_case, read_capture
 from expand_tables import expand_tables

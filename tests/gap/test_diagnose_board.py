@@ -13,7 +13,7 @@ def verdict_on(campaign, folder):
     """Return (verdict's record, ladder) of a campaign's only camera."""
     camera = pd.read_csv(campaign / "captures.csv").camera.unique().item()
     expand_tables(campaign, None, camera, folder / "expand")
-    diagnose_board(folder / "expand", campaign, camera, 6, folder / "out.json", folder / "ladder.csv")
+    diagnose_board(folder / "expand", campaign, camera, folder / "out.json", folder / "ladder.csv")
     return json.loads((folder / "out.json").read_text()), pd.read_csv(folder / "ladder.csv")
 
 

@@ -1,12 +1,12 @@
 """The normal equations of a fit: what poses can explain, parameters must not."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from effects import library
-from gap.fit import NU, Fitter, image_step, response, rounding_variance, updated, without_pose
+from gap.normal_equations import errors_of, normal_equations, response, updated, without_pose
+from gap.parameters import image_step
+from gap.residuals import NU, Whitener, rounding_variance
 
 
 def residuals_and_derivatives():
@@ -55,18 +55,27 @@ def test_a_step_within_the_errors_corrects_no_derivative(share_of_error, correct
     assert np.allclose(new, 1.5 * J if corrected else J, atol=0.1)
 
 
+def whitener_of_one_plate():
+    """Return a Whitener that whitens nothing: one plate, no colour, field or noise."""
+    whitener = object.__new__(Whitener)
+    whitener.plates, whitener.lower_inverse, whitener.with_noise = np.array([0]), np.eye(19)[None], False
+    whitener.field_sd = np.zeros(0)
+    return whitener
+
+
+SIZES = {"corners": (1, 8), "levels": (1, 5), "edges": (1, 6), "colour": (1, 10), "pose": (6,)}
+
+
 def test_stated_errors_follow_the_scatter_and_cautious_ones_do_not():
     """Errors of residuals that scatter by 0.3 are 0.3 of what whitening says; poses count as they were declared."""
-    rng, fitter, captures = np.random.default_rng(1), object.__new__(Fitter), range(60)
-    whitener = SimpleNamespace(plates=[0], lower_inverse=np.eye(19)[None])
-    fitter.whiteners = dict.fromkeys(captures, whitener)
-    sizes = {"corners": (1, 8), "levels": (1, 5), "edges": (1, 6), "pose": (6,)}
-    groups = {i: {name: 0.3 * rng.standard_normal(size) for name, size in sizes.items()} for i in captures}
-    by_image = np.vstack([np.eye(19, 1), np.zeros((6, 1))])
-    by_pose_alone = np.vstack([np.zeros((19, 1)), np.eye(6, 1)])
-    derivatives = {i: (np.hstack([by_image, by_pose_alone]), np.zeros((25, 6))) for i in captures}
-    H, _, _ = Fitter.normal_equations(derivatives, groups, NU, (np.zeros((2, 2)), np.zeros(2)))
-    errors, cautious = fitter.errors_of(np.linalg.inv(H), derivatives, groups, np.zeros(2))
+    rng, captures = np.random.default_rng(1), range(60)
+    groups = {i: {name: 0.3 * rng.standard_normal(size) for name, size in SIZES.items()} for i in captures}
+    by_image = np.vstack([np.eye(29, 1), np.zeros((6, 1))])
+    by_pose_alone = np.vstack([np.zeros((29, 1)), np.eye(6, 1)])
+    derivatives = {i: (np.hstack([by_image, by_pose_alone]), np.zeros((35, 6))) for i in captures}
+    H, _, _ = normal_equations(derivatives, groups, NU, (np.zeros((2, 2)), np.zeros(2)))
+    whiteners = dict.fromkeys(captures, whitener_of_one_plate())
+    errors, cautious = errors_of(np.linalg.inv(H), derivatives, groups, np.zeros(2), whiteners)
     expected = 1 / np.sqrt(len(captures))
     np.testing.assert_allclose(errors, [0.3 * expected, expected], rtol=0.2)
     np.testing.assert_allclose(cautious, [expected, expected], rtol=0.05)
@@ -74,9 +83,9 @@ def test_stated_errors_follow_the_scatter_and_cautious_ones_do_not():
 
 def test_what_only_a_prior_tells_is_known_as_well_as_the_prior():
     """A parameter that no residual sees, as a codec's colour in grey images, would be stated without any error."""
-    fitter = object.__new__(Fitter)
-    fitter.whiteners = [SimpleNamespace(plates=[0], lower_inverse=np.eye(19)[None])]
-    groups = {0: {"corners": np.ones((1, 8)), "levels": np.ones((1, 5)), "edges": np.ones((1, 6))}}
-    derivatives = {0: (np.zeros((19, 1)), np.zeros((19, 6)))}
-    errors, cautious = fitter.errors_of(np.diag([0.5**2]), derivatives, groups, np.array([0.5**-2]))
+    groups = {0: {name: np.ones(size) for name, size in SIZES.items()}}
+    derivatives = {0: (np.zeros((35, 1)), np.zeros((35, 6)))}
+    errors, cautious = errors_of(
+        np.diag([0.5**2]), derivatives, groups, np.array([0.5**-2]), {0: whitener_of_one_plate()}
+    )
     assert (errors[0], cautious[0]) == (pytest.approx(0.5), pytest.approx(0.5))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gap.observe import agreeing
+from gap.measure.places import agreeing
 
 SIDE_PX = 12.0
 

@@ -1,41 +1,21 @@
 """Exact coverage and the fit of the known code: what every observable stands on."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from drawn import grey_image, plate, scene_and_view
 
 from effects import library, pipeline
-from effects.base import Scene, View
+from effects.base import View
 from effects.encoding import mean_of_clipped
 from effects.filters import gaussian
-from gap.case import code_corners_world, encoding_table
-from gap.observe import COARSE_TO_FINE, FINE, Codes, measure_plates, noise_amplification, states_at
-from gap.raster import coverage
-from gap.synthesis import Prints, coverages, shade
-from rig.geometry import camera_matrix, project, station_pose
-from rig.plates import marker_plate, spread_ink
-
-
-def plate(**changes):
-    values = dict(
-        dictionary="DICT_5X5_1000", id=7, code_m=0.07, plate_m=0.1, x=0.0, y=0.6, z=0.0, rx=0.0, ry=0.0, rz=0.3
-    )
-    return marker_plate(SimpleNamespace(**(values | changes)))
-
-
-def scene_and_view():
-    scene = Scene((plate(), plate(id=8, x=0.15, y=0.8)), 0.8, 0.05, 0.35, 0.3)
-    K = camera_matrix(600, 610, 319.5, 239.5)
-    return scene, View(K, 640, 480, 12, station_pose(0.5, 35), "c", "a", "s")
-
-
-def grey_image(scene, view, table, spread=None):
-    """Return the frame's grey levels (H, W) of a scene."""
-    m = view.margin
-    linear = shade(scene, view, *coverages(Prints(scene.plates), view, spread=spread))
-    return np.interp(linear, np.linspace(0, 1, len(table)), table)[m:-m, m:-m]
+from gap.measure.capture import COARSE_TO_FINE, FINE, Codes, measure_plates, noise_amplification, states_at
+from gap.predict.raster import coverage
+from gap.predict.synthesis import Prints, coverages, shade
+from gap.problem import code_corners_world, encoding_table
+from rig.geometry import project, station_pose
+from rig.plates import spread_ink
 
 
 def test_coverage_equals_dense_sampling():

@@ -3,8 +3,7 @@
 import numpy as np
 from cases import generated_case
 
-from gap.climb import climb, verdict_of
-from gap.diagnose import Diagnosis
+from gap.select_effects import verdict
 from generator import nominal
 
 
@@ -13,12 +12,9 @@ def test_a_tolerance_of_zero_leads_to_a_verdict(tmp_path, monkeypatch):
     monkeypatch.setattr(nominal, "TOLERANCE_POSITION_M", 0)
     monkeypatch.setattr(nominal, "TOLERANCE_ANGLE_DEG", 0)
     case, _ = generated_case(tmp_path, "single", "focal_length")
-    diagnosis = Diagnosis(case, ["focal_length", "camera_pose_offset"])
-    diagnosis.set_base([])
-    steps, _ = climb(diagnosis, [diagnosis.try_effect(e) for e in diagnosis.candidates])
-    assert [s.effect for s in steps] == ["focal_length"]
-    numbers = [diagnosis.base_gap, diagnosis.base_gap_se, *diagnosis.floors.values()]
-    numbers += [error for s in steps for error in s.errors.values()]
-    assert np.isfinite(numbers).all()
-    assert np.abs(diagnosis.poses).max() < 1e-6
-    assert verdict_of(steps, diagnosis.base_gap, diagnosis.base_gap_se) == "explained"
+    _, _, _, outcome = verdict(case, candidates=["focal_length", "camera_pose_offset"])
+    assert [s.effect for s in outcome.steps] == ["focal_length"]
+    twin = outcome.twin
+    assert np.isfinite([twin.gap, twin.gap_se, *twin.floors.values(), *twin.errors.values()]).all()
+    assert np.abs(twin.poses).max() < 1e-6
+    assert outcome.verdict == "explained"

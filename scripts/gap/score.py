@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from gap.fit import RHO_NOISE, flatten, rho
+from gap.residuals import RHO_NOISE, flatten, rho
 
 GAP_GROUPS = ("corners", "levels", "edges", "colour", "field", "noise")
 # Floors come from trials; they differ by more only where the twin is still wrong
-SMALLEST_FLOOR = {"corners": 0.25, "edges": 0.25, "levels": 0.5, "colour": 0.5, "field": 0.5, "noise": 0.5}
-LARGEST_FLOOR = 1.5
+MIN_FLOOR = {"corners": 0.25, "edges": 0.25, "levels": 0.5, "colour": 0.5, "field": 0.5, "noise": 0.5}
+MAX_FLOOR = 1.5
 
 
 def group_gaps(groups, floors):
@@ -61,7 +61,7 @@ def floors_of(case, groups):
     for name, values in differences.items():
         if values and sum(v.size for v in values) >= 20:
             floors[name] = float(
-                np.clip(np.sqrt(rho(np.concatenate(values)).mean() / RHO_NOISE), SMALLEST_FLOOR[name], LARGEST_FLOOR)
+                np.clip(np.sqrt(rho(np.concatenate(values)).mean() / RHO_NOISE), MIN_FLOOR[name], MAX_FLOOR)
             )
     return floors
 

@@ -6,22 +6,16 @@ import numpy as np
 
 from effects import library, pipeline
 from gap.finder import Finder
-from gap.observe import (
-    COARSE_TO_FINE,
+from gap.measure.capture import COARSE_TO_FINE, Codes, grey_of, measure_plates, observe, states_at
+from gap.measure.places import (
     FARTHEST_FOLLOWED_PX,
     SMALLEST_SIDE_PX,
-    Codes,
     agreeing,
     code_sides_px,
     follow_neighbours,
-    grey_of,
-    measure_plates,
-    observe,
-    observe_noise,
-    states_at,
     wholly_inside,
 )
-from gap.synthesis import Prints, coverages, ground_points, is_lit, shade
+from gap.predict.synthesis import Prints, coverages, ground_points, is_lit, shade
 from rig.geometry import perturb_pose, project
 
 SCENES_KEPT = 64
@@ -74,19 +68,21 @@ class Case:
     _scenes: dict = field(default_factory=dict)
     _prints: list = field(default_factory=list)
     _geometry: dict = field(default_factory=dict)
+    normal_numbers: dict = field(default_factory=dict)  # of each capture and step of image formation, drawn once
 
     # -- geometry ---------------------------------------------------------------------------------------------
 
     def scene_of(self, effects):
         """Return (scene, prints, world corners of the codes (p, 4, 3)) of the twin with these effects."""
         key = pipeline.key_of([(n, p) for n, p in effects if library.effect_named(n).STAGE == "scene"])
-        if key not in self._scenes:
+        found = self._scenes.get(key)
+        if found is None:
             if len(self._scenes) > SCENES_KEPT:
                 self._scenes.clear()
             scene = pipeline.scene_with_effects(self.scene, effects)
             corners = np.array([code_corners_world(p) for p in scene.plates])
-            self._scenes[key] = (scene, self._prints_of(scene), corners)
-        return self._scenes[key]
+            found = self._scenes[key] = scene, self._prints_of(scene), corners
+        return found
 
     def rims_of(self, effects):
         """Return how far the twin's plates reach beyond the nominal ones (p,), metres, codes brought to one size."""
@@ -99,8 +95,9 @@ class Case:
         for plates, ink_spread_m, prints in self._prints:
             if plates is scene.plates and ink_spread_m == scene.ink_spread_m:
                 return prints
-        self._prints = self._prints[-SCENES_KEPT:] + [(scene.plates, scene.ink_spread_m, Prints(printed_plates(scene)))]
-        return self._prints[-1][2]
+        made = Prints(printed_plates(scene))
+        self._prints = self._prints[-SCENES_KEPT:] + [(scene.plates, scene.ink_spread_m, made)]
+        return made
 
     def view_of(self, capture, effects, delta):
         """Return the capture's view at its nominal pose moved by delta (6,), the twin's mount included."""
@@ -200,10 +197,9 @@ class Case:
         )
         wanted = wholly_inside(starts, capture.view.width, capture.view.height)
         wanted &= np.nan_to_num(code_sides_px(starts)) >= SMALLEST_SIDE_PX
-        capture.observation = observe(image, starts, outlines, wanted, capture.view, self.codes, COARSE_TO_FINE)
-        grey_structure = observe_noise(grey[..., None], capture.observation.classes)[0]
-        capture.noise_variance = float(np.exp(np.nanmin(np.append(grey_structure[:4], np.log(4.0)))))
-        capture.noise_variance = max(capture.noise_variance, 0.05)
+        capture.observation, capture.noise_variance = observe(
+            image, starts, outlines, wanted, capture.view, self.codes, COARSE_TO_FINE
+        )
 
     def found_corners(self, image, starts):
         """Return (corners (p, 4, 2), found (p,)): what ArUco finds of the rig, false finds far off or askew left out."""

@@ -59,7 +59,7 @@ def add_edge(acc, x0, y0, x1, y1, weight):
             acc[row, stop] += area - total
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def add_polygons(acc, vertices, weights):
     """Add closed polygons, vertices (n, m, 2) in array coordinates (pixel centres at +0.5), with their weights (n,).
 
@@ -72,7 +72,7 @@ def add_polygons(acc, vertices, weights):
             add_edge(acc, a[0], a[1], b[0], b[1], -weights[i])
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def add_spread_polygons(acc, vertices, directions, shares):
     """Add closed polygons (n, m, 2) of weight 1 in equal parts, each vertex of part k moved by shares[k] @ its directions.
 
@@ -94,7 +94,7 @@ def add_spread_polygons(acc, vertices, directions, shares):
                 add_edge(acc, moved[v, 0], moved[v, 1], moved[w, 0], moved[w, 1], -1.0 / parts)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def running_sum(acc, out):
     """Write the running sums of the accumulator's rows to ``out`` (rows, columns)."""
     for row in range(out.shape[0]):

@@ -8,7 +8,7 @@ measures real and twin, so that what the expansion leaves out cancels in the gap
 import numpy as np
 from numba import njit
 
-from gap.raster import add_edge
+from gap.predict.raster import add_edge
 
 # The expansion: displacement of the four code corners (px; x, y each), then
 FEATURES = (
@@ -21,6 +21,7 @@ RIM_STEP_PX = 0.25  # of the difference that says how the plate's outline moves
 FARTHEST_RIM = 1.5  # of the plate's half side
 N_STATE = 14  # what iterations move: eight corners, five levels, the rim
 RIM = 13
+STATE_FEATURES = np.array([*range(13), 18])  # the features that the state is
 DEPTH = 4  # iterations whose changes lead the next
 PX_PER_LEVEL = 0.02  # how much a grey level counts beside a pixel there
 COARSE_ITERATIONS, FINE_ITERATIONS = 5, 30
@@ -29,7 +30,7 @@ LARGEST_PX = 600
 UNITS = ("px",) * 8 + ("dn",) * 5 + ("px2",) * 3 + ("1", "px", "px")
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def homography(source, target):
     """Return the 3 x 3 homography that takes four points (4, 2) to four others."""
     a = np.zeros((8, 8))
@@ -45,14 +46,14 @@ def homography(source, target):
     return np.array([[h[0], h[1], h[2]], [h[3], h[4], h[5]], [h[6], h[7], 1.0]])
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def code_homography(corners, half_code):
     """Return the 3 x 3 homography that takes the plate's plane, metres, to pixels; corners (4, 2) are the code's."""
     c = half_code
     return homography(np.array([[-c, c], [c, c], [c, -c], [-c, -c]]), corners)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _draw(acc, H, rectangles, dx, dy):
     for i in range(rectangles.shape[0]):
         x0, y0, x1, y1 = rectangles[i]
@@ -69,7 +70,7 @@ def _draw(acc, H, rectangles, dx, dy):
             add_edge(acc, px[k], py[k], px[n], py[n], -1.0)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _sum_rows(acc, h, w):
     out = np.empty((h, w))
     for r in range(h):
@@ -80,7 +81,7 @@ def _sum_rows(acc, h, w):
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _box(image, radius):
     """Return the mean over a (2 radius + 1) square, edges repeated."""
     if radius == 0:
@@ -107,14 +108,14 @@ def _box(image, radius):
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _encode(value, lut):
     t = min(max(value, 0.0), 1.0) * (lut.shape[0] - 1)
     i = min(int(t), lut.shape[0] - 2)
     return lut[i] + (t - i) * (lut[i + 1] - lut[i])
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _plate_coordinates(inverse, x, y, half_code):
     """Return plate coordinates of a pixel in units of half the code's side."""
     scale = 1 / ((inverse[2, 0] * x + inverse[2, 1] * y + inverse[2, 2]) * half_code)
@@ -123,7 +124,7 @@ def _plate_coordinates(inverse, x, y, half_code):
     return u, v
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def px_per_m(corners, half_code):
     """Return the pixels that a metre on the plate spans, on average."""
     side = 0.0
@@ -133,7 +134,34 @@ def px_per_m(corners, half_code):
     return side / (2 * half_code)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
+def _draw_model(shape, corners, half_code, half_plate, rectangles, levels, shifts, lut, x0, y0):
+    """Return (coverage of the plate, of black, plate coordinates u, v in half code sides, grey levels), each (h, w) of ``shape``,
+    of a plate at ``corners``; the rest as ``_expand``.
+    """
+    h, w = shape
+    H = code_homography(corners, half_code)
+    acc = np.zeros((h, w + 2))
+    _draw(acc, H, np.array([[-half_plate, -half_plate, half_plate, half_plate]]), x0, y0)
+    plate = _sum_rows(acc, h, w)
+    acc[:] = 0
+    _draw(acc, H, rectangles, x0, y0)
+    black = _sum_rows(acc, h, w)
+    white_level, black_level, ground_level = levels
+    model, us, vs = np.empty((h, w)), np.empty((h, w)), np.empty((h, w))
+    inverse = np.linalg.inv(H)
+    for r in range(h):
+        for k in range(w):
+            lin = ground_level + (white_level - ground_level) * plate[r, k] + (black_level - white_level) * black[r, k]
+            model[r, k] = _encode(lin, lut)
+            us[r, k], vs[r, k] = _plate_coordinates(inverse, k + x0, r + y0, half_code)
+            white = plate[r, k] - black[r, k]
+            model[r, k] += shifts[0] * white + shifts[1] * black[r, k] + shifts[2] * (1 - plate[r, k])
+            model[r, k] += plate[r, k] * (shifts[3] * us[r, k] + shifts[4] * vs[r, k])
+    return plate, black, us, vs, model
+
+
+@njit(cache=True, nogil=True)
 def _expand(image, corners, half_code, half_plate, rectangles, levels, shifts, lut, x0, y0, radius):
     """Return (expansion images (19, h - 2, w - 2), residual) of a patch (h, w) about the model at ``corners``, its rim left out.
 
@@ -141,36 +169,16 @@ def _expand(image, corners, half_code, half_plate, rectangles, levels, shifts, l
     slopes over the plate.
     """
     h, w = image.shape
-    c = half_code
-    H = code_homography(corners, c)
-    acc = np.zeros((h, w + 2))
-    outline = np.array([[-half_plate, -half_plate, half_plate, half_plate]])
-    _draw(acc, H, outline, x0, y0)
-    plate = _sum_rows(acc, h, w)
-    acc[:] = 0
+    plate, black, us, vs, model = _draw_model(
+        (h, w), corners, half_code, half_plate, rectangles, levels, shifts, lut, x0, y0
+    )
     wider = half_plate + RIM_STEP_PX / px_per_m(corners, half_code)
-    _draw(acc, H, np.array([[-wider, -wider, wider, wider]]), x0, y0)
+    acc = np.zeros((h, w + 2))
+    _draw(acc, code_homography(corners, half_code), np.array([[-wider, -wider, wider, wider]]), x0, y0)
     rim = _sum_rows(acc, h, w) - plate
-    acc[:] = 0
-    _draw(acc, H, rectangles, x0, y0)
-    black = _sum_rows(acc, h, w)
     white_level, black_level, ground_level = levels
-    model = np.empty((h, w))
-    for r in range(h):
-        for k in range(w):
-            lin = ground_level + (white_level - ground_level) * plate[r, k] + (black_level - white_level) * black[r, k]
-            model[r, k] = _encode(lin, lut)
     contrast = _encode(white_level, lut) - _encode(black_level, lut) + shifts[0] - shifts[1]
     outer_contrast = _encode(white_level, lut) - _encode(ground_level, lut) + shifts[0] - shifts[2]
-    inverse = np.linalg.inv(H)
-    us = np.empty((h, w))
-    vs = np.empty((h, w))
-    for r in range(h):
-        for k in range(w):
-            us[r, k], vs[r, k] = _plate_coordinates(inverse, k + x0, r + y0, c)
-            white = plate[r, k] - black[r, k]
-            model[r, k] += shifts[0] * white + shifts[1] * black[r, k] + shifts[2] * (1 - plate[r, k])
-            model[r, k] += plate[r, k] * (shifts[3] * us[r, k] + shifts[4] * vs[r, k])
     smooth = _box(model, radius)
     blurred = _box(image, radius)
     wide = _box(smooth, 4)
@@ -215,7 +223,7 @@ def _expand(image, corners, half_code, half_plate, rectangles, levels, shifts, l
     return B, residual
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _solve(B, residual, ridge):
     """Return (coefficients, normal matrix, residual sum of squares, pixels) of the regression on images B (n, h, w)."""
     n = B.shape[0]
@@ -234,7 +242,7 @@ def _solve(B, residual, ridge):
     return coefficients, M, rss - explained, len(y)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def plate_window(H, half_plate, pad):
     """Return (x0, y0, x1, y1) of the pixels that a plate covers, ``pad`` px around it; H takes the plate to pixels."""
     xs = np.empty(4)
@@ -250,7 +258,7 @@ def plate_window(H, half_plate, pad):
     return x0, y0, x1, y1
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _accelerated(state, step, before, changes, n):
     """Return the move of iteration n; ``before`` (2, k) and ``changes`` (2, DEPTH, k) keep earlier states and steps.
 
@@ -276,7 +284,7 @@ def _accelerated(state, step, before, changes, n):
     return move
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def measure_plate(image, start, half_code, half_plate, rectangles, levels, lut, ridge, radii, max_px):
     """Fit one plate.
 

@@ -7,7 +7,8 @@ import cv2
 import numpy as np
 
 from effects.base import highlight_radiance, light_factor
-from gap.raster import add_polygons, add_spread_polygons, running_sum
+from gap.predict import windows
+from gap.predict.raster import add_polygons, add_spread_polygons, running_sum
 from rig.geometry import project, transform
 
 EDGE_STEP_PX = 8.0  # edges bent by a lens are drawn in straight pieces no longer than this
@@ -96,7 +97,6 @@ def coverages(prints, view, map_points=None, spread=None):
     """
     m = view.margin
     shape = (view.height + 2 * m, view.width + 2 * m)
-    in_view = visible_plates(prints.outlines, view)
 
     def fill(parts):
         acc, out = np.zeros((shape[0], shape[1] + 2)), np.zeros(shape)
@@ -110,21 +110,44 @@ def coverages(prints, view, map_points=None, spread=None):
         running_sum(acc, out)
         return out
 
-    def draw(polygons_world):
+    return [fill(parts) for parts in drawn_polygons(prints, view, map_points)]
+
+
+def window_coverages(prints, view, atlas, map_points=None, spread=None):
+    """Return (plates, black, sky) as ``coverages``, of a gap.predict.windows.Atlas, each of its whole shape."""
+
+    def fill(parts):
+        out = np.zeros(atlas.whole_shape)
+        for pixels in parts:
+            vertices = np.ascontiguousarray(pixels)
+            if spread is None:
+                windows.draw(vertices, atlas.tiles, out)
+            else:
+                directions, shares = spread(pixels.reshape(-1, 2))
+                directions = np.ascontiguousarray(directions.reshape(*pixels.shape[:2], -1, 2))
+                windows.draw_spread(vertices, directions, np.ascontiguousarray(shares), atlas.tiles, out)
+        return out
+
+    return [fill(parts) for parts in drawn_polygons(prints, view, map_points)]
+
+
+def drawn_polygons(prints, view, map_points):
+    """Return the polygons to draw, frame pixels, lists of arrays (n, m, 2): outlines of the plates, their black, the sky."""
+    in_view = visible_plates(prints.outlines, view)
+
+    def bent(polygons_world):
         pixels = project(view.K, view.T_cam_world, polygons_world)
         if map_points is None or not len(pixels):
-            return fill([pixels])
+            return [pixels]
         pieces, parts = _pieces(pixels), []
         for count in np.unique(pieces):
             cut = project(view.K, view.T_cam_world, _subdivide(polygons_world[pieces == count], count))
             parts.append(map_points(cut.reshape(-1, 2)).reshape(cut.shape))
-        return fill(parts)
+        return parts
 
-    plates = draw(prints.outlines[in_view])
-    black = draw(prints.blacks[np.isin(prints.plate_of_black, np.flatnonzero(in_view))])
     horizon = sky_polygon(view, map_points)
-    sky = np.zeros(shape) if horizon is None else fill([horizon])
-    return plates, black, sky
+    blacks = prints.blacks[np.isin(prints.plate_of_black, np.flatnonzero(in_view))]
+    return bent(prints.outlines[in_view]), bent(blacks), [] if horizon is None else [horizon]
 
 
 def visible_plates(outlines, view):
@@ -165,12 +188,24 @@ def shade(scene, view, plates, black, sky, ground=None):
 
 
 def ground_points(view, map_points):
-    """Return world x and y (H + 2m, W + 2m) of the ground seen at each pixel; far away above the horizon.
+    """Return world x and y (H + 2m, W + 2m) of the ground seen at each pixel; far away above the horizon."""
+    m = view.margin
+    columns = np.arange(-m, view.width + m, dtype=np.float32)
+    rows = np.arange(-m, view.height + m, dtype=np.float32)
+    return ground_seen_at(view, map_points, *np.meshgrid(columns, rows))
+
+
+def window_ground_points(view, atlas, map_points):
+    """Return world x and y of the ground as ``ground_points``, of a gap.predict.windows.Atlas."""
+    return ground_seen_at(view, map_points, atlas.windows.x, atlas.windows.y)
+
+
+def ground_seen_at(view, map_points, x, y):
+    """Return world x and y of the ground seen at frame pixels x, y (rows, columns) float32.
 
     A lens bends rays: its map is inverted on a coarse grid by fixed-point steps and interpolated.
     """
     m, step = view.margin, 8
-    shape = (view.height + 2 * m, view.width + 2 * m)
     columns = np.arange(-m, view.width + m + step, step, dtype=float)
     rows = np.arange(-m, view.height + m + step, step, dtype=float)
     target = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
@@ -179,16 +214,16 @@ def ground_points(view, map_points):
         for _ in range(8):
             ideal += target - map_points(ideal)
     ideal = ideal.reshape(len(rows), len(columns), 2)
-    fine_x = (np.arange(shape[1]) / step).astype(np.float32)
-    fine_y = (np.arange(shape[0]) / step).astype(np.float32)
-    grid_x, grid_y = np.meshgrid(fine_x, fine_y)
-    u = cv2.remap(ideal[..., 0].astype(np.float32), grid_x, grid_y, cv2.INTER_LINEAR)
-    v = cv2.remap(ideal[..., 1].astype(np.float32), grid_x, grid_y, cv2.INTER_LINEAR)
+    at = [np.ascontiguousarray((c + np.float32(m)) / np.float32(step)) for c in (x, y)]
+    u, v = (
+        cv2.remap(ideal[..., k].astype(np.float32), *at, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        for k in (0, 1)
+    )
     x, y = (u - view.K[0, 2]) / view.K[0, 0], (v - view.K[1, 2]) / view.K[1, 1]
     R, t = view.T_cam_world[:3, :3], view.T_cam_world[:3, 3]
     centre = -R.T @ t
     along_x, along_y, along_z = (R[0, k] * x + R[1, k] * y + R[2, k] for k in range(3))
-    distance = np.full(shape, FARTHEST_GROUND_M)
+    distance = np.full(x.shape, FARTHEST_GROUND_M)
     down = along_z < -1e-6
     distance[down] = np.minimum(-centre[2] / along_z[down], FARTHEST_GROUND_M)
     return centre[0] + distance * along_x, centre[1] + distance * along_y

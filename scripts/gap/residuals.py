@@ -1,0 +1,126 @@
+"""Residuals of real minus twin on one scale: whitened by the fit's own covariance, floors and noise, and their robust loss."""
+
+import numpy as np
+
+from gap.measure.capture import N_COLOUR
+from gap.measure.plate import N_FEATURES
+
+NU = 8.0  # robust log(1 + y^2 / nu): quadratic for noise, forgiving for a bad plate
+# Standard deviations below which no difference counts: synthesis against an ideal camera's image
+FEATURE_FLOOR = np.array([0.006] * 8 + [0.15] * 3 + [0.15] * 2 + [0.012] * 3 + [0.004, 0.005, 0.006])
+FEATURE_GROUPS = {"corners": slice(0, 8), "levels": slice(8, 13), "edges": slice(13, 19)}
+LEVELS = slice(8, 11)  # white, black and ground among the features
+COLOUR_FLOOR = np.array([0.15, 0.15, 0.15, 0.006, 0.006] * 2)
+FIELD_FLOOR_DN = 0.12
+NOISE_FLOOR = 0.02
+LOST_PLATE = 6.0  # whitened residual charged per feature of a plate that only the real image shows
+GROUPS = ("corners", "levels", "edges", "colour", "field", "noise", "pose")
+
+
+def rho(y, nu=NU):
+    """Return the robust loss of whitened residuals, y^2 where small."""
+    return nu * np.log1p(y * y / nu)
+
+
+def rho_of_noise():
+    """Return the mean of rho over a unit normal: the loss of a perfect model."""
+    x = np.linspace(-8, 8, 4001)
+    w = np.exp(-x * x / 2)
+    return float((rho(x) * w).sum() / w.sum())
+
+
+RHO_NOISE = rho_of_noise()
+
+
+class Whitener:
+    """What turns one capture's residuals into unit-variance ones; made once from the real observation."""
+
+    def __init__(self, capture, with_noise):
+        o = capture.observation
+        self.plates = np.flatnonzero(o.measured)
+        s2 = capture.noise_variance
+        info = o.information[self.plates]
+        covariance = np.linalg.inv(info) * s2 if len(info) else np.zeros((0, N_FEATURES, N_FEATURES))
+        rounding = np.zeros(len(FEATURE_FLOOR))
+        rounding[LEVELS] = rounding_variance(s2)
+        covariance = covariance + np.diag(FEATURE_FLOOR**2 + rounding)
+        self.lower_inverse = np.linalg.inv(np.linalg.cholesky(covariance)) if len(info) else covariance
+        corner_covariance = covariance[:, :8, :8]
+        self.corner_inverse = np.linalg.inv(np.linalg.cholesky(corner_covariance)) if len(info) else corner_covariance
+        sd = np.sqrt(np.array([np.diag(c) for c in covariance])).reshape(-1, N_FEATURES)
+        self.feature_sd = sd
+        self.colour_sd = np.hypot(
+            np.concatenate([sd[:, 8:11], sd[:, [0, 1]], sd[:, 8:11], sd[:, [0, 1]]], axis=1), COLOUR_FLOOR
+        )
+        with np.errstate(divide="ignore"):
+            self.field_sd = np.sqrt(s2 / np.maximum(o.field_n, 1) + FIELD_FLOOR_DN**2 + rounding_variance(s2))
+        self.noise_sd = np.sqrt(2 * o.noise_se**2 + NOISE_FLOOR**2)  # the twin's is drawn as well
+        self.with_noise = with_noise
+
+    def residuals(self, observation, prediction):
+        """Return {group: whitened residuals} of real minus twin, NaN-free; plates first axis kept as (p, k)."""
+        k = self.plates
+        e = observation.features[k] - prediction.features[k]
+        lost = ~prediction.measured[k]
+        e[lost] = 0
+        y = np.einsum("pij,pj->pi", self.lower_inverse, e)
+        y[lost] = LOST_PLATE
+        colour = (observation.colour[k] - prediction.colour[k]) / self.colour_sd
+        colour[lost] = 0
+        out = _by_group(y, colour, np.nan_to_num((observation.field - prediction.field) / self.field_sd))
+        if prediction.noise is not None:
+            out["noise"] = np.nan_to_num((observation.noise - prediction.noise) / self.noise_sd)
+        return out
+
+    def whitened(self, change):
+        """Return the whitened change (n,) of a prediction, in the order of GROUPS, that of its pose 0."""
+        k = self.plates
+        y = np.einsum("pij,pj->pi", self.lower_inverse, np.nan_to_num(change.features[k]))
+        y[~change.measured[k]] = 0
+        out = _by_group(y, change.colour[k] / self.colour_sd, np.nan_to_num(change.field / self.field_sd))
+        if change.noise is not None:
+            out["noise"] = np.nan_to_num(change.noise / self.noise_sd)
+        return flatten(out | {"pose": np.zeros(6)})
+
+    def whitened_features(self, change):
+        """Return what ``whitened`` does (n, m) where plates' features change by (plates that were measured, 19, m) alone."""
+        y = np.einsum("pij,pjm->pim", self.lower_inverse, change)
+        rest = len(self.plates) * N_COLOUR + len(self.field_sd) + (len(self.noise_sd) if self.with_noise else 0) + 6
+        parts = [y[:, part].reshape(-1, change.shape[2]) for part in FEATURE_GROUPS.values()]
+        return np.concatenate([*parts, np.zeros((rest, change.shape[2]))])
+
+
+def _by_group(y, colour, field):
+    return {name: y[:, part] for name, part in FEATURE_GROUPS.items()} | {"colour": colour, "field": field}
+
+
+def lost_plates(groups):
+    """Return how many plates only the real captures show, of residual groups {capture index: {group: residuals}}."""
+    return sum(int((g["corners"] == LOST_PLATE).all(axis=1).sum()) for g in groups.values())
+
+
+def rounding_variance(noise_variance):
+    """Return the variance of a level's error from rounding to whole grey levels, where noise (rounded) is so little.
+
+    Noise of half a level carries the mean between whole ones; with none, it is off by up to a half. Source: the first
+    harmonic of a Gaussian dither, e.g. Wannamaker et al., "A theory of nonsubtractive dither" (2000).
+    """
+    return np.exp(-4 * np.pi**2 * max(noise_variance - 1 / 12, 0.0)) / 12
+
+
+def flatten(groups):
+    """Return all whitened residuals of a capture as one vector, in the order of GROUPS."""
+    return np.concatenate([groups[g].ravel() for g in GROUPS if g in groups])
+
+
+def width_of(groups):
+    """Return how much wider than noise residuals are, at least 1.
+
+    Robust losses stick when started far away: a fit begins as wide as its residuals and narrows.
+    """
+    return max(1.0, float(np.sqrt(np.mean([np.mean(flatten(g) ** 2) for g in groups.values()]))))
+
+
+def total(groups, nu):
+    """Return the loss of captures' residual groups."""
+    return float(sum(rho(flatten(g), nu).sum() for g in groups.values()))

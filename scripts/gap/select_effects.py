@@ -1,0 +1,310 @@
+"""Forward selection: the best effect is added, all are refitted, and the others tried again until the gap is closed.
+
+``verdict`` is a function of its arguments alone: workflow, trials and tests call it alike.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from effects import library
+from gap.residuals import GROUPS
+from gap.score import excess_of
+from gap.search import MAX_PARAMETERS, MIN_GAIN, Search, gains_by_station, is_significant, rank
+from gap.twin import Twin
+
+MAX_TRIED, MAX_TRIED_AGAIN = 6, 4  # candidates that are fitted at first and in later steps; others stay at their null
+MIN_SHARE_OF_BEST = 0.03  # of the largest predicted gain: less is not fitted in this step
+RIVALS = 0.7  # share of the largest predicted gain from which an effect is tried that can only be another name
+MIN_SHARE = 0.15  # of what is left above the floor, that a candidate must gain: less is a patch on a wrong form
+MIN_SHARE_OF_GROUP = 0.6  # of the excess of one group of observables, that is enough as well
+MIN_STATIONS = 0.7  # share of held-out stations that must not lose: a highlight is not seen from everywhere
+CLOSED = 0.2  # share of the first excess up to which the gap is closed, though above the floor
+HARDLY_CLOSED = 0.4  # share above which what helped a little gets no name
+FIRST_STEPS = 3  # that are tried one after the other, until one path closes the gap well
+MAX_ALLOWANCE = 0.1  # for what captures disagree about
+MAX_CLOSED_GAP = 2.0  # gap, in units of the floor, that is open whatever it was at first
+MAX_FLOOR_GAP = 1.10  # a gap up to this, in units of the floor, is the floor
+BUDGET = 60_000  # predictions and derivatives by images, of one capture each
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step: the effect that was added, the refitted twin, and what else was tried."""
+
+    effect: str
+    twin: Twin
+    candidates: tuple
+    confused_with: tuple
+    main_group: str
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Where a path ended: its steps, the candidates that were left, the twin it reached and the verdict on it.
+
+    ``share_left`` is of the first excess; ``within_budget`` says that the search ended by itself.
+    """
+
+    steps: tuple
+    left: tuple
+    twin: Twin
+    verdict: str
+    share_left: float
+    within_budget: bool = True
+
+    @property
+    def is_closed(self):
+        """Whether the gap itself is at the floor, not only most of it gone."""
+        return verdict_of(self.steps, self.twin) != "unexplained"
+
+
+def verdict(problem, effects=(), candidates=None, fixed=(), budget=BUDGET, threads=1, progress=None):
+    """Return (Search, base Twin, candidates of the first step, Outcome) of a problem.
+
+    effects  [(name, parameters)] of the twin as configured, fixed {(effect, parameter)} what the user fixed of it;
+    candidates  names of the library's effects that compete, all where None; budget in predictions of one capture;
+    progress  called with each effect that is added. Raises ValueError where ``Search.why_unusable`` has a reason.
+    """
+    search = Search(problem, candidates, fixed, threads=threads)
+    if search.why_unusable():
+        raise ValueError(search.why_unusable())
+    base = search.fitted(list(effects))
+    rigid = [n for n in search.candidates if not is_flexible(n) and n not in base.names]
+    first = try_promising(search, base, rigid, MAX_TRIED)
+    first += [search.null_candidate(base, n) for n in search.candidates if is_flexible(n) and n not in base.names]
+    return search, base, first, concluded(Selection(search, budget, progress), base, first)
+
+
+def is_flexible(name):
+    """Return whether an effect is a free warp: one of many waves, that can mimic anything of its kind."""
+    return len(library.parameters_of(name)) > MAX_PARAMETERS
+
+
+@dataclass
+class Selection:
+    """A search with the sets of effects that it has had: a path that comes back to one ends."""
+
+    search: Search
+    budget: int
+    progress: object = None
+
+    def __post_init__(self):
+        self.had = set()
+
+    def is_spent(self):
+        """Return whether the budget is used up."""
+        return self.search.cost > self.budget
+
+    def is_new(self, names):
+        """Return whether a set of effects was not had before, and note it."""
+        key = frozenset(names)
+        new = key not in self.had
+        self.had.add(key)
+        return new
+
+
+def concluded(selection, base, first):
+    """Return the Outcome of the best of several paths from a base.
+
+    The best first step is not always on the best way: where it leaves its own group of observables open, or comes near
+    and does not reach the floor, the next best ones are tried as well. What can mimic anything of its kind, a warp of many
+    waves, competes only where the others leave a gap. Where most of the gap stays, and no step closed the group of
+    observables in which it gained most, a good share of it all, what helped is a patch on something else: it gets no name.
+    """
+    before = base.excess
+    rigid = [c for c in first if not is_flexible(c.effect)]
+    ways = [c for c in rank(rigid) if is_missing(c, before)][:FIRST_STEPS]
+    best = path(selection, base, rigid, before)
+    on_another_way = best.share_left < CLOSED or (ways and _is_open(best.twin, ways[0].main_group, before))
+    for way in ways[1:] if on_another_way else []:
+        if best.is_closed or selection.is_spent():
+            break
+        other = path(selection, base, rigid, before, way.effect)
+        if other.share_left < 0.5 * best.share_left:  # the way of the best steps has the benefit
+            best = other
+    if best.verdict == "unexplained" and not selection.is_spent():
+        best = _with_flexible(selection, base, first, best, before)
+    patched = not any(_closes_a_good_share(best.twin, step.main_group, before) for step in best.steps)
+    if best.verdict == "unexplained" and best.share_left > HARDLY_CLOSED and patched:
+        best = Outcome((), tuple(rank(first)), base, "unexplained", 1.0)
+    return replace(
+        best,
+        steps=tuple(
+            replace(s, confused_with=tuple(n for n in s.confused_with if n not in best.twin.names)) for s in best.steps
+        ),
+        within_budget=not selection.is_spent(),
+    )
+
+
+def path(selection, base, first, before, start_with=None, taken=()):
+    """Return the Outcome of adding the best candidate, refitting and trying all others again, until none is missing.
+
+    ``first`` are the candidates of the base, and their effects those that compete; ``start_with`` names the effect of the
+    first step, the best where None; ``taken`` are steps that led to the base; ``before`` is the first excess. An earlier effect
+    that the refitted twin no longer needs is taken out.
+    """
+    search, twin = selection.search, base
+    steps, candidates, names = list(taken), rank(first), [c.effect for c in first]
+    while not selection.is_spent():
+        missing = [c for c in candidates if is_missing(c, twin.excess)]
+        if not missing:
+            break
+        best = next((c for c in missing if c.effect == start_with and not steps), missing[0])
+        adopted = search.adopt(best)
+        if not is_significant(best.effect, dict(adopted.effects)[best.effect], adopted.cautious_errors):
+            candidates = [c for c in candidates if c is not best]  # beside the others, refitted, nothing of it is left
+            continue
+        confused = confused_with(search.problem, best, candidates)
+        twin, steps = _without_unneeded(search, adopted, best.effect, steps)
+        steps.append(Step(best.effect, twin, tuple(candidates), tuple(confused), best.main_group))
+        if selection.progress:
+            selection.progress(best.effect)
+        if is_at_floor(twin):
+            candidates = [search.null_candidate(twin, name) for name in names if name not in twin.names]
+            break
+        if not selection.is_new(twin.names):
+            break
+        candidates = try_beside_others(search, twin, names)
+    return outcome_of(steps, rank(candidates), twin, before)
+
+
+def outcome_of(steps, left, twin, before):
+    """Return the Outcome of steps that led to a twin; ``before`` is the first excess {group: loss}."""
+    share = sum(twin.excess.values()) / max(sum(before.values()), 1.0)
+    return Outcome(tuple(steps), tuple(left), twin, verdict_of(steps, twin, share), share)
+
+
+def _without_unneeded(search, twin, new, steps):
+    """Return (Twin, steps) without the effects that the refitted twin no longer needs; one goes at a time."""
+    for name in twin.names:
+        if name != new and not search.is_fixed(name) and search.is_unneeded(twin, name):
+            return search.without(twin, name), [s for s in steps if s.effect != name]
+    return twin, steps
+
+
+def _with_flexible(selection, base, first, best, before):
+    """Return the Outcome with the warps of many waves: added to what was found, or in the place of what they mimic.
+
+    A warp brings its own lens along: rigid effects that move points must be worth their names beside it.
+    """
+    search = selection.search
+    flexible = [c.effect for c in first if is_flexible(c.effect)]
+    gains = search.predicted_gains(best.twin, flexible)
+    tried = [search.try_effect(best.twin, name) for name in gains if gains[name] >= MIN_GAIN]
+    if not tried:
+        return best
+    further = path(selection, best.twin, [*tried, *best.left], before, taken=best.steps)
+    found = min((best, further), key=lambda o: o.share_left)
+    rigid = [s.effect for s in further.steps if s.effect not in flexible and library.is_pure_geometry(s.effect)]
+    if rigid and any(step.effect in flexible for step in further.steps):
+        without = _retraced(search, base, further, rigid, before)
+        if without.verdict == "explained":
+            return without
+    return found
+
+
+def _retraced(search, base, outcome, without, before):
+    """Return the Outcome of the same steps, each refitted, without some effects."""
+    twin, steps, found = base, [], dict(outcome.twin.effects)
+    for step in outcome.steps:
+        if step.effect not in without:
+            twin = search.fitted([*twin.effects, (step.effect, found[step.effect])], twin.poses)
+            steps.append(replace(step, twin=twin))
+    left = rank([*outcome.left, *(search.null_candidate(twin, name) for name in without)])
+    return outcome_of(steps, left, twin, before)
+
+
+# -- candidates -----------------------------------------------------------------------------------------------------
+
+
+def try_promising(search, twin, names, most, beside=()):
+    """Return the candidates of some effects, best first: those that promise most are fitted, the others stay at their null.
+
+    They are fitted in the order of their predicted gains. Once one reaches the floor, only its rivals are of interest.
+    """
+    gains = search.predicted_gains(twin, names)
+    promising = [n for n in sorted(gains, key=lambda n: (-gains[n], n)) if gains[n] >= MIN_GAIN][:most]
+    tried = {}
+    for name in promising:
+        least = RIVALS if any(is_at_floor(c.twin) for c in tried.values()) else MIN_SHARE_OF_BEST
+        if gains[name] >= least * gains[promising[0]]:
+            tried[name] = search.try_effect(twin, name, beside)
+    return rank(tried.get(n) or search.null_candidate(twin, n) for n in gains)
+
+
+def try_beside_others(search, twin, names):
+    """Return the candidates of some effects, best first, beside those of a twin.
+
+    What was adopted may have made up for a part of what promises most: where the best is not worth its name, all are tried
+    again, the twin refitted with them.
+    """
+    candidates = try_promising(search, twin, names, MAX_TRIED_AGAIN)
+    free = search.free(twin.effects)
+    tried = [c.effect for c in candidates if c.fitted]
+    if not tried or is_missing(candidates[0], twin.excess) or len(free) > MAX_PARAMETERS:
+        return candidates
+    others = [c for c in candidates if not c.fitted]
+    return rank([*others, *(search.try_effect(twin, n, free) for n in tried)])
+
+
+def is_missing(candidate, excess):
+    """Return whether a candidate's held-out gain is more than chance, on most stations, matters, and closes enough.
+
+    Enough is a good share of all that is left, or most of what is left in one group of observables (``excess``).
+    """
+    enough = candidate.gain > MIN_SHARE * sum(excess.values()) or closes_a_group(candidate, excess)
+    return bool(
+        enough
+        and candidate.is_significant
+        and candidate.gain > MIN_GAIN + 2 * len(candidate.parameters)
+        and candidate.stations_gaining >= MIN_STATIONS
+    )
+
+
+def closes_a_group(candidate, excess):
+    """Return whether most of what is left in one group of observables is gained."""
+    least = MIN_GAIN + 2 * len(candidate.parameters)
+    return any(gain > max(least, MIN_SHARE_OF_GROUP * excess[name]) for name, gain in candidate.group_gains.items())
+
+
+def confused_with(problem, best, candidates):
+    """Return the names of candidates that the held-out stations cannot tell from the best one."""
+    names = []
+    for other in candidates:
+        if other.effect == best.effect or other.gain < MIN_GAIN:
+            continue
+        ahead = gains_by_station(problem, other.twin.losses, best.twin.losses)
+        error = np.sqrt(len(ahead)) * ahead.std(ddof=1) if len(ahead) > 1 else np.inf
+        if ahead.sum() < max(MIN_GAIN, min(2 * error, 0.2 * abs(best.gain))):
+            names.append(other.effect)
+    return names
+
+
+# -- where a twin stands --------------------------------------------------------------------------------------------
+
+
+def is_at_floor(twin):
+    """Return whether every group of observables, poses too, is at its floor: what helps further has nothing to explain."""
+    floors = {name: MAX_FLOOR_GAP * twin.floors.get(name, 1.0) for name in GROUPS}
+    return not any(excess_of(twin.groups, floors).values())
+
+
+def _is_open(twin, group, before):
+    return twin.excess[group] > CLOSED * before[group]
+
+
+def _closes_a_good_share(twin, group, before):
+    return before[group] > MIN_SHARE * sum(before.values()) and not _is_open(twin, group, before)
+
+
+def verdict_of(steps, twin, share_left=1.0):
+    """Return ``adequate``, ``explained`` or ``unexplained`` from the steps taken and the gap that is left.
+
+    A gap that captures disagree about is no smaller for that: the error is allowed for up to ``MAX_ALLOWANCE`` only.
+    ``share_left`` is what was left of the first excess: effects have the right name before they have the last form.
+    """
+    nearly_closed = steps and share_left < CLOSED and twin.gap < MAX_CLOSED_GAP
+    if twin.gap - min(2 * np.nan_to_num(twin.gap_se), MAX_ALLOWANCE) > MAX_FLOOR_GAP and not nearly_closed:
+        return "unexplained"
+    return "explained" if steps else "adequate"

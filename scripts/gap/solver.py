@@ -1,0 +1,295 @@
+"""Fit the parameters of a list of effects, the poses of all captures as nuisances, to a camera's observations.
+
+Gauss-Newton on whitened residuals with a robust loss; pose blocks are eliminated by a Schur complement. Geometry is
+fitted first from the corners and exact point maps alone (fast, wide basin), then everything from windows of the twin's
+image, measured by the same code as the real ones.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gap.derivatives import Derivatives
+from gap.normal_equations import errors_of, normal_equations, updated
+from gap.parameters import (
+    bounds_of,
+    get_parameter,
+    is_geometric,
+    prior_equations,
+    prior_loss,
+    priors_of,
+    small_step,
+    with_parameters,
+)
+from gap.predict.predictor import Predictor
+from gap.residuals import NU, Whitener, total, width_of
+
+STILL_FAR = 0.1  # share of its loss above which a step says that the next one gains as well
+OLDEST_DERIVATIVES = 3  # steps that derivatives serve
+POSE_STEPS = 25  # at most: a mount that was found askew turns held-out cameras by a degree
+DRAWN_AGAIN, NEAR_PX = 3, 0.05  # times that held-out images are drawn, move of corners that is followed without
+
+
+@dataclass
+class State:
+    """A fitted twin: effects [(name, params)], poses (n, 6) of the captures."""
+
+    effects: list
+    poses: np.ndarray
+
+
+@dataclass
+class Fit:
+    """The outcome of a fit on the training captures; standard errors (k,) of its k free parameters.
+
+    ``errors`` are told: what the residuals' own scatter makes of the parameters. ``cautious_errors`` are those of plates
+    measured no better than ``FEATURE_FLOOR``, and decide whether an effect is there at all.
+    """
+
+    state: State
+    loss: float
+    errors: np.ndarray
+    cautious_errors: np.ndarray
+    converged: bool
+
+
+class Solver:
+    """Fits lists of effects to one problem, on some threads: sums are taken in the captures' order whatever their number."""
+
+    def __init__(self, problem, noise_of=(), threads=1):
+        """Noise is compared in the captures ``noise_of`` alone."""
+        self.problem = problem
+        self.predictor = Predictor(problem, noise_of)
+        self.whiteners = [Whitener(c, i in self.predictor.noise_of) for i, c in enumerate(problem.captures)]
+        self.prior = np.where(np.isfinite(problem.sigma_pose), 1 / problem.sigma_pose**2, 0.0)
+        self.derivatives_of = Derivatives(problem, self.predictor, self.whiteners, self.prior)
+        self.map = ThreadPoolExecutor(threads).map if threads > 1 else map
+        self.cost = 0  # predictions and derivatives by images, of one capture each: what a budget counts
+
+    def each(self, function, indices):
+        """Return {i: function(i)} of captures, in order."""
+        return dict(zip(indices, self.map(function, indices), strict=True))
+
+    # -- geometry alone -------------------------------------------------------------------------------------------
+
+    def corner_residuals(self, i, effects, delta, offset):
+        """Return whitened corner residuals (p, 8) of capture i from exact point maps."""
+        capture, w = self.problem.captures[i], self.whiteners[i]
+        exact = self.problem.corners_of(capture, effects, delta).reshape(-1, 8)
+        e = capture.observation.features[w.plates, :8] - exact[w.plates] - offset[w.plates]
+        return np.einsum("pij,pj->pi", w.corner_inverse, np.nan_to_num(e, nan=50.0))
+
+    def fit_geometry(self, effects, free, poses, offsets, train, scale=1.0, iterations=8):
+        """Fit free geometric parameters and poses from corners alone; return (effects, poses).
+
+        ``scale`` widens the robust loss at the start (annealed to 1 by halves).
+        """
+        theta = np.array([get_parameter(effects, f) for f in free])
+        null, precision = priors_of(free)
+        steps = np.array([small_step(f) for f in free])
+        lower, upper = bounds_of(free)
+        damping = 1e-6
+        best = np.inf
+        for _ in range(iterations):
+            H = np.diag(precision)
+            g = precision * (null - theta)
+            loss = (precision * (null - theta) ** 2).sum()
+            blocks = []
+            nu = NU * max(scale, 1.0) ** 2
+            for i in train:
+                current = with_parameters(effects, free, theta)
+                y = self.corner_residuals(i, current, poses[i], offsets[i])
+                loss += (nu * np.log1p(y * y / nu)).sum()
+                weight = 1 / (1 + y * y / nu)
+                Li = self.whiteners[i].corner_inverse
+                Jp = np.einsum("pij,pjk->pik", Li, self.derivatives_of.corners_by_pose(i, current, poses[i]))
+                Jt = np.zeros((*y.shape, len(free)))
+                for k in range(len(free)):
+                    h = np.zeros(len(free))
+                    h[k] = steps[k]
+                    high = self.corner_residuals(i, with_parameters(effects, free, theta + h), poses[i], offsets[i])
+                    low = self.corner_residuals(i, with_parameters(effects, free, theta - h), poses[i], offsets[i])
+                    Jt[..., k] = -(high - low) / (2 * steps[k])
+                wy = (weight * y).reshape(-1)
+                Jp, Jt = Jp.reshape(y.size, 6), Jt.reshape(y.size, len(free))
+                wJp = weight.reshape(-1, 1) * Jp
+                A = Jp.T @ wJp + np.diag(self.prior + 1e-9)
+                b = Jp.T @ wy - self.prior * poses[i]
+                C = wJp.T @ Jt
+                H += Jt.T @ (weight.reshape(-1, 1) * Jt) - C.T @ np.linalg.solve(A, C)
+                g += Jt.T @ wy - C.T @ np.linalg.solve(A, b)
+                blocks.append((i, A, b, C))
+                loss += (self.prior * poses[i] ** 2).sum()
+            d = np.zeros(len(free))
+            if len(free):
+                d = np.linalg.solve(H + np.diag(np.diag(H) * damping + 1e-12), g)
+                d = np.clip(theta + d, lower, upper) - theta
+            poses = poses.copy()
+            for i, A, b, C in blocks:
+                poses[i] = poses[i] + np.linalg.solve(A, b - C @ d)
+            theta = theta + d
+            if scale <= 1.0 and abs(best - loss) < 1e-4 * max(loss, 1):
+                break
+            best = loss
+            scale *= 0.5
+        return with_parameters(effects, free, theta), poses
+
+    # -- everything -----------------------------------------------------------------------------------------------
+
+    def residuals(self, i, effects, pose):
+        """Return the residual groups of capture i for a list of effects, the pose's lean included."""
+        return self._residuals(i, pose, self.predictor.predict(i, effects, pose))
+
+    def _residuals(self, i, pose, prediction):
+        groups = self.whiteners[i].residuals(self.problem.captures[i].observation, prediction)
+        groups["pose"] = pose * np.sqrt(self.prior)
+        return groups
+
+    def residuals_of(self, effects, poses, indices):
+        """Return {i: residual groups} of captures."""
+        self.cost += len(indices)
+        return self.each(lambda i: self.residuals(i, effects, poses[i]), indices)
+
+    def offsets_of(self, effects, poses, indices):
+        """Return measured minus exact corners of the twin itself, a list over captures of (p, 8)."""
+        offsets = [np.zeros((len(self.problem.codes.half_code), 8)) for _ in self.problem.captures]
+        for i in indices:
+            exact = self.problem.corners_of(self.problem.captures[i], effects, poses[i]).reshape(-1, 8)
+            offsets[i] = np.nan_to_num(self.predictor.predict(i, effects, poses[i]).features[:, :8] - exact)
+        return offsets
+
+    def derivatives(self, effects, free, poses, train, step_of=None):
+        """Return {i: (Jt, Jp)}: d (twin, whitened) by the free parameters (n, k) and by the capture's pose (n, 6)."""
+        self.cost += len(train) * (1 + sum(not is_geometric(f) for f in free))
+        return self.each(lambda i: self.derivatives_of(i, effects, free, poses[i], step_of), train)
+
+    def ways(self, effects, others, poses, indices):
+        """Return derivatives as ``derivatives``, by one parameter that goes from a list of effects (0) to others (1)."""
+        self.cost += len(indices)
+
+        def way(i):
+            column = self.derivatives_of.towards(i, effects, others, poses[i])
+            return column[:, None], self.derivatives_of.by_pose(i, effects, poses[i])
+
+        return self.each(way, indices)
+
+    def fit(self, effects, free, poses, train, iterations=6, scale=1.0, with_geometry=True):
+        """Fit the free parameters [(effect, parameter), ...] and the poses of the training captures.
+
+        Return a Fit. ``effects`` gives the start and the fixed rest.
+        """
+        effects = [(n, dict(p)) for n, p in effects]
+        geometric = [f for f in free if is_geometric(f)]
+        offsets = [np.zeros((len(self.problem.codes.half_code), 8)) for _ in self.problem.captures]
+        if geometric and with_geometry:
+            effects, poses = self.fit_geometry(effects, geometric, poses, offsets, train, scale=scale)
+        groups = self.residuals_of(effects, poses, train)
+        width = width_of(groups) if free else 1.0
+        errors = cautious_errors = np.zeros(len(free))
+        converged = not free
+        lower, upper = bounds_of(free)
+        damping, age = 1e-4, OLDEST_DERIVATIVES
+        for _ in range(iterations):
+            theta = np.array([get_parameter(effects, f) for f in free])
+            nu = NU * width**2
+            loss = total(groups, nu) + prior_loss(free, theta)
+            if age >= OLDEST_DERIVATIVES:
+                derivatives, age = self.derivatives(effects, free, poses, train), 0
+            H, g, blocks = normal_equations(derivatives, groups, nu, prior_equations(effects, free))
+            accepted = False
+            for _ in range(1 if age else 4):
+                d = np.linalg.solve(H + np.diag(np.diag(H) * damping + 1e-12), g) if free else np.zeros(0)
+                d = np.clip(theta + d, lower, upper) - theta
+                trial_poses = poses.copy()
+                for i, A, b, C in blocks:
+                    trial_poses[i] = poses[i] + np.linalg.solve(A, b - C @ d)
+                trial = with_parameters(effects, free, theta + d)
+                trial_groups = self.residuals_of(trial, trial_poses, train)
+                trial_loss = total(trial_groups, nu) + prior_loss(free, theta + d)
+                if trial_loss <= loss + 1e-9:
+                    accepted = True
+                    break
+                if age == 0:
+                    damping = max(damping, 1e-2) * 10
+            stale, age = age > 0, age + 1
+            if not accepted:
+                age = OLDEST_DERIVATIVES
+                if stale:
+                    continue
+                converged = width == 1.0
+                if converged:
+                    break
+                width = 1.0
+                continue
+            gain = loss - trial_loss
+            derivatives = updated(derivatives, groups, trial_groups, d, trial_poses - poses, np.diag(H))
+            effects, poses, groups = trial, trial_poses, trial_groups
+            damping = max(damping / 10, 1e-6)
+            if width == 1.0 and gain < max(1.0, 1e-3 * loss):
+                if not stale:
+                    converged = True
+                    break
+                age = OLDEST_DERIVATIVES
+            if gain < STILL_FAR * loss:  # a robust loss hides what is far: come near before narrowing
+                width = max(1.0, width / 3)
+        if free:
+            derivatives = self.derivatives(effects, free, poses, train)
+            H, _, _ = normal_equations(derivatives, groups, NU, prior_equations(effects, free))
+            covariance = np.linalg.pinv(H + np.diag(np.full(len(free), 1e-12)))
+            _, precision = priors_of(free)
+            errors, cautious_errors = errors_of(covariance, derivatives, groups, precision, self.whiteners)
+        return Fit(State(effects, poses), total(groups, NU), errors, cautious_errors, converged)
+
+    # -- scoring --------------------------------------------------------------------------------------------------
+
+    def score(self, effects, poses, indices):
+        """Fit only the poses of the given captures, then return (poses, {i: groups}) of residuals there.
+
+        Images are drawn again while poses move by more than their corners can be led on to.
+        """
+        offsets = [np.zeros((len(self.problem.codes.half_code), 8)) for _ in self.problem.captures]
+        _, poses = self.fit_geometry(effects, [], poses, offsets, indices, scale=8.0, iterations=POSE_STEPS)
+        for _ in range(DRAWN_AGAIN):
+            self.cost += len(indices)
+            drawn = self.each(lambda i: self.predictor.predict(i, effects, poses[i]), indices)  # noqa: B023
+            offsets = self.offsets_of(effects, poses, indices)
+            _, better = self.fit_geometry(effects, [], poses, offsets, indices, scale=8.0, iterations=POSE_STEPS)
+            shifts = {i: self._corner_shift(i, effects, poses[i], better[i]) for i in indices}
+            seen = [np.abs(shift[self.whiteners[i].plates]).max(initial=0.0) for i, shift in shifts.items()]
+            if max(seen, default=0.0) < NEAR_PX:
+                break
+            poses = better
+        out = {}
+        for i in indices:
+            features = drawn[i].features.copy()
+            features[:, :8] += shifts[i]
+            out[i] = self._residuals(i, better[i], replace(drawn[i], features=features))
+        return better, out
+
+    def _corner_shift(self, i, effects, start, end):
+        """Return how far the twin's corners (p, 8) move from one pose of capture i to another, pixels."""
+        moved = self.problem.corners_of(self.problem.captures[i], effects, end)
+        shift = (moved - self.problem.corners_of(self.problem.captures[i], effects, start)).reshape(-1, 8)
+        return np.nan_to_num(shift)
+
+    def own_scatter(self, i, effects, pose):
+        """Return {group: whitened residuals} of a capture that the twin itself takes, noise and all, about the expected.
+
+        What a pose could explain is taken out, as it is from a real capture.
+        """
+        expected = replace(self.predictor.predict(i, effects, pose), noise=None)
+        taken = replace(self.predictor.shown(i, effects, pose).taken("own scatter"), noise=None)
+        both = taken.measured & expected.measured
+        taken = replace(
+            taken,
+            features=np.where(both[:, None], taken.features, expected.features),
+            colour=np.where(both[:, None], taken.colour, expected.colour),
+        )
+        groups = self.whiteners[i].residuals(taken, expected)
+        Li, plates = self.whiteners[i].corner_inverse, self.whiteners[i].plates
+        J = self.derivatives_of.corners_by_pose(i, effects, pose)
+        whitened = np.einsum("pij,pjk->pik", Li, J).reshape(-1, 6)
+        move = np.linalg.lstsq(whitened, groups["corners"].ravel(), rcond=None)[0]
+        taken.features[plates, :8] -= J @ move
+        return self.whiteners[i].residuals(taken, expected)

@@ -1,0 +1,90 @@
+"""Fitted twins and candidates as values: what they are, and how they do on the captures that were held out."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from gap.score import excess_of, gap_error, losses_of, overall_gap
+
+
+@dataclass(frozen=True)
+class Twin:
+    """A fitted twin and how it does on the captures that were held out.
+
+    effects  ((name, {parameter: value}), ...); poses (n, 6) of all captures
+    groups   {held-out capture: residual groups}; floors {group: floor}
+    errors, cautious_errors  {(effect, parameter): standard error} of what was fitted; loss of the fitted captures
+    """
+
+    effects: tuple
+    poses: np.ndarray
+    groups: dict
+    floors: dict
+    errors: dict
+    cautious_errors: dict
+    loss: float
+    converged: bool
+
+    @property
+    def names(self):
+        """The names of its effects."""
+        return [name for name, _ in self.effects]
+
+    @cached_property
+    def losses(self):
+        """{held-out capture: loss}."""
+        return losses_of(self.groups)
+
+    @cached_property
+    def excess(self):
+        """{group: loss above the floor}."""
+        return excess_of(self.groups, self.floors)
+
+    @cached_property
+    def gap(self):
+        """The held-out gap."""
+        return overall_gap(self.groups, self.floors)
+
+    @cached_property
+    def gap_se(self):
+        """Its jackknife standard error over captures."""
+        return gap_error(self.groups, self.floors)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """What came of one effect added to a base: the ``twin``, and what it gains over the base.
+
+    ``gap`` and ``groups`` are in units of ``floors``, the base's; an effect that was not fitted is at its null.
+    """
+
+    effect: str
+    parameters: dict
+    twin: Twin
+    floors: dict
+    fitted: bool
+    gain: float = 0.0
+    gain_se: float = float("nan")
+    stations_gaining: float = 0.0
+    is_significant: bool = False
+    group_gains: dict = field(default_factory=dict)
+
+    @property
+    def gap(self):
+        """The held-out gap in the base's floors."""
+        return self.gap_in(self.floors)
+
+    @property
+    def gap_se(self):
+        """Its jackknife standard error."""
+        return gap_error(self.twin.groups, self.floors)
+
+    def gap_in(self, floors):
+        """Return the gap in units of some floors."""
+        return overall_gap(self.twin.groups, floors)
+
+    @property
+    def main_group(self):
+        """The group of observables in which it gains most."""
+        return max(self.group_gains, key=self.group_gains.get)

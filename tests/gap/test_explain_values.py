@@ -1,0 +1,178 @@
+"""What a verdict, a ladder and a twin's file are made of, from values whose answers are known."""
+
+import io
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from drawn import scene_and_view
+
+from case_files import OBSERVED, load_observations, save_observations
+from gap import next_station
+from gap.ladder import interval, summary
+from gap.measure.capture import Codes, Observation
+from gap.problem import Capture, Case, encoding_table
+from gap.residuals import RHO_NOISE, rho
+from gap.select_effects import confused_with
+from rig.twins import load_twin
+
+# -- candidates that cannot be told apart ------------------------------------------------------------------------------
+
+STATIONS = ["a", "a", "b", "b", "c", "c", "d", "d"]  # of eight held-out captures
+PROBLEM = SimpleNamespace(captures=[SimpleNamespace(view=SimpleNamespace(station=s)) for s in STATIONS])
+
+
+def candidate(effect, behind=(0, 0, 0, 0), gain=1000.0):
+    """Return a candidate whose loss is larger than the best one's by ``behind`` at each of four stations."""
+    losses = {2 * k + trial: 100.0 + b / 2 for k, b in enumerate(behind) for trial in (0, 1)}
+    return SimpleNamespace(effect=effect, gain=gain, twin=SimpleNamespace(losses=losses))
+
+
+@pytest.mark.parametrize(
+    ("other", "of_best", "confused"),
+    [
+        (candidate("equal"), 1000, True),
+        (candidate("far worse at every station", (100, 100, 100, 100)), 1000, False),
+        (candidate("worse by less than a gain counts", (6, 6, 6, 6)), 1000, True),
+        (candidate("worse by more than that", (7, 7, 7, 7)), 1000, False),
+        (candidate("worse within the stations' scatter", (150, -50, 150, -50)), 2000, True),
+        (candidate("worse by a fifth of the best gain", (150, -50, 150, -50)), 500, False),
+        (candidate("equal, of no gain", gain=24.0), 1000, False),
+        (candidate("best"), 1000, False),
+    ],
+    ids=lambda value: getattr(value, "effect", None),
+)
+def test_candidates_are_confused_where_stations_do_not_tell_them_apart(other, of_best, confused):
+    """Fails if the sign is lost, captures count in stations' place, scatter has no limit, or the best confuses itself."""
+    best = candidate("best", gain=of_best)
+    assert confused_with(PROBLEM, best, [best, other]) == ([other.effect] if confused else [])
+
+
+# -- where to capture next ---------------------------------------------------------------------------------------------
+
+
+def small_case(sigma_pose=np.inf):
+    """Return a Case with one view of two plates, nothing measured."""
+    scene, view = scene_and_view()
+    view = view.__class__(**(view.__dict__ | {"encoding": "linear"}))
+    codes = Codes.of(scene.plates, [scene.white, scene.black, scene.ground], encoding_table("linear", 1.0))
+    return Case("c", "cam", scene, codes, [Capture(view, 0)], np.full(6, sigma_pose))
+
+
+def test_the_station_of_the_largest_difference_is_suggested(monkeypatch):
+    """Fails if the first or the last station wins, or the pose is not that of the station that is named."""
+
+    def difference(case, capture, a, b):
+        height_m = -(capture.view.T_cam_world[:3, :3].T @ capture.view.T_cam_world[:3, 3])[2]
+        tilt_deg = np.degrees(np.arcsin(-capture.view.T_cam_world[2, 2]))
+        return 7.126 - abs(height_m - 0.8) - abs(tilt_deg - 45)
+
+    monkeypatch.setattr(next_station, "_difference", difference)
+    found = next_station.suggested_station(small_case(), [], [])
+    assert found == {"height_m": 0.8, "tilt_deg": 45.0, "difference": 7.13}
+
+
+def test_corners_that_a_pose_could_move_do_not_tell_twins_apart():
+    """Fails if the pose is not adjusted, or beyond its prior: a shift of the image then counts always, or never."""
+    shifted = [("principal_point", {"dx_px": 0.5, "dy_px": 0.0})]
+    free, held = (small_case(sigma) for sigma in (np.inf, 1e-9))
+    rms = np.sqrt(0.5**2 / 2) / 0.05
+    assert next_station._difference(held, held.captures[0], [], shifted) == pytest.approx(rms, abs=0.2)
+    assert next_station._difference(free, free.captures[0], [], shifted) < 0.05 * rms
+
+
+def test_levels_tell_twins_apart_by_the_images_means():
+    """Fails if levels are not compared, or not in grey levels."""
+    case = small_case()
+    capture, zero = case.captures[0], np.zeros(6)
+    mean = case.image_of(case.radiance_of(capture, [], zero), capture, [], zero).mean()
+    darker = [("exposure", {"scale": 0.9})]
+    assert next_station._difference(case, capture, [], darker) == pytest.approx(0.1 * mean, rel=1e-3)
+
+
+# -- the ladder's errors -----------------------------------------------------------------------------------------------
+
+PARTS = {
+    4: {
+        "corners": np.array([1.0, 1.0, 1.0]), "intensity": 4.0, "available": 10, "disagree": 5,
+        "distance": np.array([1.0, 2.0]), "rotation": np.array([]), "groups": {"field": np.full(5, 2.0)},
+    },
+    7: {
+        "corners": np.array([9.0]), "intensity": 16.0, "available": 90, "disagree": 5,
+        "distance": np.array([6.0]), "rotation": np.array([]), "groups": {"field": np.full(5, 2.0)},
+    },
+}  # fmt: skip
+EXPECTED = {
+    "corner_rmse_px": np.sqrt(12 / 4),
+    "intensity_rmse_dn": np.sqrt(10),
+    "detection_disagreement_pct": 10.0,
+    "delta_distance_cm": 3.0,
+    "delta_rotation_deg": np.nan,
+    "gap": np.sqrt(rho(2.0) / RHO_NOISE) / 0.5,
+}
+
+
+@pytest.mark.parametrize("measure", EXPECTED)
+def test_a_measure_sums_up_captures(measure):
+    """Fails if captures count alike whatever they show, squares are not rooted, or nothing compared is no error."""
+    assert summary(PARTS, measure, {"field": 0.5}) == pytest.approx(EXPECTED[measure], nan_ok=True)
+
+
+def test_the_interval_of_two_captures_ends_at_each_ones_own_error():
+    """Fails if captures are drawn without replacement, or fewer than there are: a quarter of draws has one capture twice."""
+    low, high = interval(PARTS, "intensity_rmse_dn", {}, "seed")
+    assert (low, high) == (2.0, 4.0)
+    assert np.isnan(interval(PARTS, "delta_rotation_deg", {}, "seed")).all()
+
+
+# -- files -------------------------------------------------------------------------------------------------------------
+
+
+def observed_case(filled):
+    """Return a case of two captures, with observations where filled."""
+
+    def observation(k):
+        values = {name: np.random.default_rng([k, n]).normal(size=(3, 2)) for n, name in enumerate(OBSERVED)}
+        values["noise"][0] = np.nan
+        return Observation(**values | {"measured": np.array([True, False, k == 1]), "regions": np.arange(8) + k})
+
+    return SimpleNamespace(
+        captures=[
+            SimpleNamespace(observation=observation(k) if filled else None, noise_variance=0.1 + k if filled else 1.0)
+            for k in range(2)
+        ]
+    )
+
+
+def test_observations_come_back_bit_for_bit_and_as_the_same_bytes(tmp_path, monkeypatch):
+    """Fails if an array is left out, rounded or given to another capture, or the file holds the time of its writing."""
+    files = []
+    for now in (1.0e9, 1.5e9):
+        monkeypatch.setattr(time, "time", lambda now=now: now)
+        file = io.BytesIO()
+        save_observations(file, observed_case(filled=True))
+        files.append(file.getvalue())
+    assert files[0] == files[1]
+    (tmp_path / "o.npz").write_bytes(files[0])
+    case = observed_case(filled=False)
+    load_observations(tmp_path / "o.npz", case)
+    for loaded, saved in zip(case.captures, observed_case(filled=True).captures, strict=True):
+        assert loaded.noise_variance == saved.noise_variance
+        for name, wanted in vars(saved.observation).items():
+            found = getattr(loaded.observation, name)
+            assert found.dtype == wanted.dtype and found.tobytes() == wanted.tobytes(), name
+
+
+def test_fit_beside_numbers_frees_one_parameter_and_holds_the_others(tmp_path):
+    """Fails if a free parameter acts on images before its fit, by its start or by 0 where its null is another value."""
+    path = tmp_path / "cam.yaml"
+    path.write_text(
+        "effects:\n"
+        "  - {effect: exposure, parameters: {scale: fit}}\n"
+        "  - {effect: lens_blur, parameters: {sigma_px: fit, softness: 0.3}}\n"
+    )
+    twin = load_twin(path)
+    assert twin.effects == [("lens_blur", {"sigma_px": 0.0, "softness": 0.3}), ("exposure", {"scale": 1.0})]
+    assert twin.starts == [("lens_blur", {"sigma_px": 0.7, "softness": 0.3}), ("exposure", {"scale": 1.0})]
+    assert twin.free == [("exposure", "scale"), ("lens_blur", "sigma_px")]

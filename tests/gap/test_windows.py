@@ -1,0 +1,77 @@
+"""Windows of a frame show what the whole frame shows, and what is told of their changes is what happens."""
+
+import numpy as np
+import pytest
+from cases import generated_case
+
+from effects import library
+from gap.predict.predictor import Shown
+from gap.predict.windows import make_atlas
+
+FARTHER = 5.0  # times what matters, where an effect has no start off its null
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory):
+    return generated_case(tmp_path_factory.mktemp("windows"), "none", size="tiny")[0]
+
+
+def clear(name):
+    """Return parameters at which an effect is clearly there."""
+    nulls = library.nulls_of(name)
+    start = next((s for s in library.starts_of(name) if s != nulls), None)
+    if start is None:
+        moved = {k: min(p.null + FARTHER * p.matters, p.upper) for k, p in library.parameters_of(name).items()}
+        start = {k: v if not library.parameters_of(name)[k].is_choice else nulls[k] for k, v in moved.items()}
+    return start
+
+
+def test_windows_lie_on_whole_blocks_and_hold_their_cores():
+    """Fails if a codec's blocks would lie otherwise in a window than in the frame, or windows overlapped."""
+    cores = np.array([[3, 5, 30, 40], [100, 7, 131, 31], [35, 20, 50, 44], [400, 300, 500, 390]])
+    atlas = make_atlas(cores, 4, (640, 480))
+    assert (atlas.boxes % 16 == 0).all() and (atlas.places % 16 == 0).all()
+    image = np.arange(640 * 480).reshape(480, 640, 1)
+    seen = atlas.gather(image)
+    for k, (x0, y0, x1, y1) in enumerate(cores):
+        np.testing.assert_array_equal(seen[atlas.core(k)], image[y0:y1, x0:x1])
+
+
+@pytest.mark.parametrize("name", sorted(library.available_effects()))
+def test_windows_show_what_the_frame_shows(case, name):
+    """Fails if an effect looked farther than it says (``reach_px``), took a window's place for the frame's, or its light."""
+    effects, pose, capture = [(name, clear(name))], np.zeros(6), case.captures[1]
+    shown = Shown(case, capture, effects, pose, False)
+    whole = case.image_of(case.radiance_of(capture, effects, pose), capture, effects, pose)
+    whole = shown.atlas.gather(whole)
+    off = np.concatenate(
+        [np.abs(shown.levels - whole)[shown.atlas.core(k)].ravel() for k in range(len(shown.atlas.cores))]
+    )
+    assert off.mean() < 0.05
+    assert np.quantile(off, 0.99) < 0.6
+
+
+@pytest.mark.parametrize("by_response", [True, False])
+def test_a_change_is_what_features_change_by(case, by_response):
+    """Fails if features were said to follow the image otherwise than the fit of the plate does, its creeping included."""
+    base, more = ([("lens_blur", {"sigma_px": s, "softness": 1.0})] for s in (0.8, 0.83))
+    pose, capture = np.zeros(6), case.captures[1]
+    shown = Shown(case, capture, base, pose, False)
+    told = shown.change(more, by_response)
+    before, after = shown.prediction, Shown(case, capture, more, pose, False).prediction
+    both = before.measured & after.measured
+    happened = (after.features - before.features)[both]
+    size = np.sqrt((happened**2).mean(0))
+    off = np.sqrt(((told.features[both] - happened) ** 2).mean(0))
+    strong = [13, 14, 16]  # spread along and across, overshoot
+    assert (off[strong] < 0.25 * size[strong]).all()
+
+
+def test_noise_belongs_to_pixels_wherever_windows_lie(case):
+    """Fails if a moved window got other noise: a fit's derivative by a pose would be noise."""
+    capture, pose = case.captures[0], np.zeros(6)
+    a, b = (Shown(case, capture, effects, pose, True) for effects in ([], [("exposure", {"scale": 1.2})]))
+    moved = Shown(case, capture, [("lens_blur", {"sigma_px": 2.5, "softness": 1.0})], pose, True)
+    frame_a, frame_b = (s._numbers().standard_normal((*s.atlas.whole_shape, 1)) for s in (a, moved))
+    np.testing.assert_array_equal(frame_a[a.atlas.core(0)], frame_b[moved.atlas.core(0)])
+    assert b.prediction.noise is not None
