@@ -21,26 +21,58 @@ def srgb_decode(encoded):
 
 # Knots at t^2: finer near black, where the curve bends
 _KNOTS = np.linspace(0, 1, 4097)
-_SRGB = srgb_encode(_KNOTS**2)
+_SRGB = 255 * srgb_encode(_KNOTS**2)
+_LEVELS, _STEPS = _SRGB.astype(np.float32), np.diff(_SRGB, append=_SRGB[-1]).astype(np.float32)
 
 
-@njit(cache=True, nogil=True)
-def _encode_srgb(values, table):
+@njit(inline="always")
+def _level(value, levels, steps):
+    """Return the grey level of a linear value (all float32)."""
+    t = np.sqrt(min(max(value, np.float32(0.0)), np.float32(1.0))) * np.float32(len(levels) - 1)
+    k = np.int32(t)
+    return levels[k] + (t - np.float32(k)) * steps[k]
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _encode_srgb(values, levels, steps):
     out = np.empty_like(values)
-    n = table.shape[0] - 1
     flat_in, flat_out = values.ravel(), out.ravel()
     for i in range(flat_in.size):
-        t = np.sqrt(min(max(flat_in[i], np.float32(0.0)), np.float32(1.0))) * n
-        k = min(int(t), n - 1)
-        flat_out[i] = 255.0 * (table[k] + (t - k) * (table[k + 1] - table[k]))
+        flat_out[i] = _level(flat_in[i], levels, steps)
     return out
 
 
 def encode(linear, encoding):
     """Return grey levels 0..255 (float32, unrounded) of linear image values; clips to full scale."""
     if encoding == "srgb":
-        return _encode_srgb(np.ascontiguousarray(linear, np.float32), _SRGB)
+        return _encode_srgb(np.ascontiguousarray(linear, np.float32), _LEVELS, _STEPS)
     return (255 * np.clip(linear, 0, 1)).astype(np.float32)
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _encode_noise_srgb(values, variance, declared, levels, steps):
+    encoded, noise = np.empty_like(values), np.empty_like(values)
+    flat_in, flat_variance, flat_encoded, flat_noise = values.ravel(), variance.ravel(), encoded.ravel(), noise.ravel()
+    for i in range(flat_in.size):
+        spread = np.sqrt(flat_variance[i]) / np.float32(255)
+        own = _level(flat_in[i] + spread, levels, steps) - _level(flat_in[i] - spread, levels, steps)
+        flat_encoded[i] = _level(flat_in[i], levels, steps)
+        flat_noise[i] = np.sqrt(declared * declared + np.float32(0.25) * own * own)
+    return encoded, noise
+
+
+def encode_with_noise(linear, variance, declared_dn, encoding):
+    """Return (grey levels as ``encode``, standard deviation of their noise in grey levels), each of the shape of ``linear``.
+
+    ``variance`` (as ``linear``), squared levels of full scale 255, is that of the linear values; a declared noise adds to it.
+    """
+    if encoding == "srgb":
+        values = np.ascontiguousarray(linear, np.float32)
+        variance = np.ascontiguousarray(np.broadcast_to(variance, values.shape), np.float32)
+        return _encode_noise_srgb(values, variance, np.float32(declared_dn), _LEVELS, _STEPS)
+    spread = np.sqrt(variance) / np.float32(255)
+    own = (encode(linear + spread, encoding) - encode(linear - spread, encoding)) / 2
+    return encode(linear, encoding), np.hypot(np.float32(declared_dn), own)
 
 
 _LINEAR = srgb_decode(np.linspace(0, 1, 8193))

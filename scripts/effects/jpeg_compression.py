@@ -1,8 +1,8 @@
 """JPEG compression of the finished image.
 
-``loss`` is 100 minus libjpeg's quality. Colour is stored with half the resolution (4:2:0) or, to the share
-``full_colour``, in full (4:4:4). Between two qualities and two ways of colour the images are mixed, so that a fit has a
-slope. Source: ITU-T T.81, libjpeg's tables. The frame is compressed without the margin, so that blocks lie as in the camera.
+``loss`` is 100 minus libjpeg's quality. Colour is stored with half the resolution (4:2:0) or in full (4:4:4).
+Between two qualities tables are mixed, so that a fit has a slope. Source: ITU-T T.81, libjpeg's tables. The frame is
+compressed without the margin, so that blocks lie as in the camera.
 
 The expected image is not rounded before it is compressed: noise carries levels between whole numbers into a block's
 mean, and a coarse table makes much of half a level. Where a block's mean lies within the noise's reach of half a step,
@@ -17,7 +17,6 @@ import math
 import cv2
 import numpy as np
 from numba import njit
-from PIL import Image
 
 from effects.base import Parameter
 from effects.encoding import mean_of_clipped
@@ -36,9 +35,9 @@ PARAMETERS = {
         upper=1.0,
         null=0.0,
         matters=0.5,
-        doc="share of 4:4:4 instead of 4:2:0; nothing in grey images",
-        prior_sd=0.5,
+        doc="1: colour is stored in full, 4:4:4, 0: 4:2:0; nothing in grey images",
         auxiliary=True,
+        discrete=True,
     ),
 }
 STARTS = tuple({"loss": loss} for loss in (5.0, 25.0, 45.0, 60.0, 70.0, 80.0))
@@ -66,11 +65,22 @@ def compressed(pixels, quality, full_colour):
 @functools.cache
 def tables(quality):
     """Return the codec's own quantisation tables (brightness, colour), each (8, 8) float32, read from a file's head."""
+    from PIL import Image  # only here: what is exported of an effect runs without it
+
     grey = np.full((BLOCK, BLOCK, 3), int(MIDDLE), np.uint8)
     _, data = cv2.imencode(".jpg", grey, [cv2.IMWRITE_JPEG_QUALITY, quality])
     with Image.open(io.BytesIO(data)) as image:
         brightness, colour = (image.quantization[k] for k in (0, 1))
     return tuple(np.reshape(table, (BLOCK, BLOCK)).astype(np.float32) for table in (brightness, colour))
+
+
+def tables_between(quality):
+    """Return ``tables`` of any quality: between two whole ones their tables are mixed, so that a fit has a slope."""
+    below = math.floor(quality)
+    share = np.float32(quality - below)
+    if not share:
+        return tables(below)
+    return tuple((1 - share) * low + share * high for low, high in zip(tables(below), tables(below + 1), strict=True))
 
 
 def _cosines():
@@ -88,21 +98,29 @@ SQRT_2 = math.sqrt(2)
 def quantised(plane, table, noise):
     """Return the mean of a plane (rows, columns) float32 about 0 after its blocks' coefficients are rounded to the table.
 
-    ``noise``, white, is its standard deviation in the plane's units, a number or (rows, columns).
+    ``noise`` (block rows, block columns), white, is its standard deviation in the plane's units.
     """
-    low, high, share = _by_blocks(_filled_up(plane), _noise_of_blocks(noise, plane.shape), table)
-    rows, columns = plane.shape
-    return (low + _spread_out(share) * (high - low))[:rows, :columns]
+    low, high, share = _by_blocks(_filled_up(plane), noise, table)
+    return _mixed(low, high, share, plane.shape)
 
 
 def mean_decoded(plane, table, noise, colours):
     """Return the mean levels (rows, columns, 1 or 3) of a decoded image whose brightness about 0 is quantised, under noise.
 
-    ``colours`` (2 or 0, rows, columns) are its decoded planes of colour. Blocks' means may lie on either of two steps: each is
-    decoded, as a decoder rounds, and then they are mixed.
+    ``noise`` as in ``quantised``; ``colours`` (2 or 0, rows, columns) are its decoded planes of colour. Blocks' means may lie
+    on either of two steps: each is decoded, as a decoder rounds, and then they are mixed.
     """
-    low, high, share = _by_blocks(_filled_up(plane), _noise_of_blocks(noise, plane.shape), table)
+    low, high, share = _by_blocks(_filled_up(plane), noise, table)
     return _decoded(low, high, share, colours, plane.shape, TO_RGB)
+
+
+@njit(cache=True, nogil=True)
+def _mixed(low, high, share, shape):
+    out = np.empty(shape, np.float32)
+    for r in range(shape[0]):
+        for c in range(shape[1]):
+            out[r, c] = low[r, c] + share[r // BLOCK, c // BLOCK] * (high[r, c] - low[r, c])
+    return out
 
 
 @njit(cache=True, nogil=True)
@@ -142,11 +160,29 @@ def _brightness_and_colours(image, to_ycc):
     return out
 
 
-def _noise_of_blocks(noise, shape):
-    """Return the noise (block rows, block columns) of a plane's blocks: of uneven noise a block's mean variance counts."""
-    if np.ndim(noise):
-        return np.sqrt(_means(_filled_up(noise) ** 2, BLOCK)).astype(np.float32)
-    return np.full((-(-shape[0] // BLOCK), -(-shape[1] // BLOCK)), noise, np.float32)
+def _noise_of_blocks(noise_dn, shape, side=BLOCK):
+    """Return the noise (block rows, block columns) in blocks of ``side`` pixels of an image: of uneven noise the mean variance
+    counts. ``noise_dn`` is a number or (rows, columns, C).
+    """
+    if np.ndim(noise_dn):
+        return _root_mean_square(np.ascontiguousarray(noise_dn, np.float32), side)
+    return np.full((-(-shape[0] // side), -(-shape[1] // side)), noise_dn, np.float32)
+
+
+@njit(cache=True, nogil=True)
+def _root_mean_square(values, side):
+    """Return the root mean square (block rows, block columns) of an array (rows, columns, C), its last row and column again."""
+    rows, columns, channels = values.shape
+    out = np.empty((-(-rows // side), -(-columns // side)), np.float32)
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            total = np.float32(0.0)
+            for r in range(i * side, (i + 1) * side):
+                for c in range(j * side, (j + 1) * side):
+                    for k in range(channels):
+                        total += values[min(r, rows - 1), min(c, columns - 1), k] ** 2
+            out[i, j] = np.sqrt(total / np.float32(side * side * channels))
+    return out
 
 
 @njit(cache=True, nogil=True)
@@ -206,13 +242,15 @@ def _filled_up(plane, side=BLOCK):
     return np.pad(plane, ((0, -rows % side), (0, -columns % side)), mode="edge")
 
 
-def _means(plane, side):
-    """Return the means of a plane's squares of ``side`` pixels, of which it has whole ones."""
-    return plane.reshape(plane.shape[0] // side, side, -1, side).mean((1, 3))
-
-
-def _spread_out(blocks):
-    return np.repeat(np.repeat(blocks, BLOCK, axis=0), BLOCK, axis=1)
+@njit(cache=True, nogil=True)
+def _halved(plane):
+    """Return the means of a plane's squares of 2 pixels, of which it has whole ones."""
+    out = np.empty((plane.shape[0] // 2, plane.shape[1] // 2), np.float32)
+    for r in range(out.shape[0]):
+        for c in range(out.shape[1]):
+            above = plane[2 * r, 2 * c] + plane[2 * r, 2 * c + 1]
+            out[r, c] = np.float32(0.25) * (above + plane[2 * r + 1, 2 * c] + plane[2 * r + 1, 2 * c + 1])
+    return out
 
 
 def expected(image, quality, full_colour, noise_dn):
@@ -220,27 +258,24 @@ def expected(image, quality, full_colour, noise_dn):
 
     ``noise_dn``, a number or (H, W, 1 or 3), is the standard deviation in each of three channels: brightness has less.
     """
-    brightness, colour = tables(quality)
-    of_channels = _of_all_channels(noise_dn)
-    noise = BRIGHTNESS_NOISE * of_channels
+    brightness, colour = tables_between(quality)
+    noise = _noise_of_blocks(noise_dn, image.shape)
     if image.shape[2] == 1:
         no_colours = np.empty((0, *image.shape[:2]), np.float32)
-        return mean_decoded(image[..., 0] - MIDDLE, brightness, noise, no_colours)
+        return mean_decoded(image[..., 0] - MIDDLE, brightness, BRIGHTNESS_NOISE * noise, no_colours)
     y, *chroma = _brightness_and_colours(np.ascontiguousarray(image), TO_YCC)
-    stored = quantised if full_colour else _stored_in_half
-    return mean_decoded(y, brightness, noise, np.stack([stored(p, colour, COLOUR_NOISE * of_channels) for p in chroma]))
-
-
-def _of_all_channels(noise_dn):
-    """Return a noise, a number or (H, W, C), as a number or (H, W)."""
-    return np.sqrt((noise_dn**2).mean(axis=2)) if np.ndim(noise_dn) else noise_dn
+    if full_colour:
+        stored = [quantised(p, colour, COLOUR_NOISE * noise) for p in chroma]
+    else:  # the mean of four pixels has half their noise
+        of_fours = COLOUR_NOISE / 2 * _noise_of_blocks(noise_dn, image.shape, 2 * BLOCK)
+        stored = [_stored_in_half(p, colour, of_fours) for p in chroma]
+    return mean_decoded(y, brightness, BRIGHTNESS_NOISE * noise, np.stack(stored))
 
 
 def _stored_in_half(plane, table, noise):
     """Return a plane of colour whose fours of pixels are one, and which is interpolated back."""
     even = _filled_up(plane, 2)
-    noise = np.sqrt(_means(_filled_up(noise, 2) ** 2, 2)) / 2 if np.ndim(noise) else noise / 2
-    half = quantised(_means(even, 2), table, noise)
+    half = quantised(_halved(even), table, noise)
     back = cv2.resize(half, even.shape[::-1], interpolation=cv2.INTER_LINEAR)
     return back[: plane.shape[0], : plane.shape[1]]
 
@@ -250,14 +285,15 @@ def apply(image, view, p, rng):
     if p["loss"] == 0:
         return image
     frame = slice(None) if view.windows is not None else frame_of(view)  # windows are whole blocks
+    full_colour = p["full_colour"] >= 0.5
+    out = image.copy()
     if rng is None:
         noise_dn = view.noise_dn[frame] if np.ndim(view.noise_dn) else view.noise_dn
-        codec = functools.partial(expected, noise_dn=np.hypot(noise_dn, ROUNDING_DN))
-        pixels = mean_of_clipped(image[frame], noise_dn)
-    else:
-        pixels, codec = np.clip(np.rint(image[frame]), 0, 255).astype(np.uint8), compressed
-    out = image.copy()
-    out[frame] = sum(np.float32(share) * codec(pixels, *way) for way, share in ways(p, image.shape[2] == 3))
+        levels = mean_of_clipped(image[frame], noise_dn)
+        out[frame] = expected(levels, 100 - p["loss"], full_colour, np.hypot(noise_dn, ROUNDING_DN))
+        return out
+    pixels = np.clip(np.rint(image[frame]), 0, 255).astype(np.uint8)
+    out[frame] = sum(np.float32(share) * compressed(pixels, q, full_colour) for q, share in qualities(p["loss"]))
     return out
 
 
@@ -266,15 +302,8 @@ def noise_gain(p):
     return 0.0 if p["loss"] else 1.0
 
 
-def ways(p, in_colour):
-    """Return [((whole quality, whether colour is stored in full), share of it)] whose images are mixed."""
-    below = int(np.floor(100 - p["loss"]))
-    above = 100 - p["loss"] - below
-    full = p["full_colour"] if in_colour else 0.0
-    shares = {
-        (below, False): (1 - above) * (1 - full),
-        (below, True): (1 - above) * full,
-        (below + 1, False): above * (1 - full),
-        (below + 1, True): above * full,
-    }
-    return [(way, share) for way, share in shares.items() if share > 0]
+def qualities(loss):
+    """Return [(whole quality, share of it)] whose images are mixed where a quality is not whole."""
+    below = math.floor(100 - loss)
+    share = 100 - loss - below
+    return [(below, 1 - share), (below + 1, share)] if share else [(below, 1.0)]

@@ -38,11 +38,26 @@ PARAMETERS = {
 }
 
 
-def map_points(xy, view, p, channel):
-    """Displace points by the series."""
+def _waves(xy, view):
+    """Return the values (n, waves) of all waves at pixels (n, 2)."""
     u, v = (((xy + 0.5) / (view.width, view.height) + BEYOND) / (1 + 2 * BEYOND)).T
     across = np.cos(np.pi * u[:, None] * np.arange(DEGREE + 1))
     down = np.cos(np.pi * v[:, None] * np.arange(DEGREE + 1))
     j, k = np.array(WAVES).T
+    return across[:, j] * down[:, k]
+
+
+def map_points(xy, view, p, channel):
+    """Displace points by the series."""
     amplitudes = np.array([p[name] for name in PARAMETERS]).reshape(2, len(WAVES))
-    return xy + (across[:, j] * down[:, k]) @ amplitudes.T
+    return xy + _waves(xy, view) @ amplitudes.T
+
+
+def points_by_parameters(xy, view, p, keys):
+    """Return the derivatives (n, 2, k) of the points by amplitudes: the waves themselves."""
+    waves, out = _waves(xy, view), np.zeros((*xy.shape, len(keys)))
+    places = {name: divmod(place, len(WAVES)) for place, name in enumerate(PARAMETERS)}
+    for column, key in enumerate(keys):
+        axis, wave = places[key]
+        out[:, axis, column] = waves[:, wave]
+    return out

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from effects.base import PARTS
-from effects.encoding import encode, mean_of_clipped
+from effects.encoding import encode, encode_with_noise, mean_of_clipped
 from effects.library import acting, effect_named, nulls_of, place_of, spreads_light
 from effects.resampling import fine_map, sample
 from rig.errors import InputError
@@ -70,6 +70,39 @@ def map_points(xy, view, chosen, channel=1):
     for module, p in active(chosen, "map_points"):
         xy = module.map_points(xy, view, p, channel)
     return xy
+
+
+def points_by_parameters(xy, view, chosen, wanted, steps, channel=1):
+    """Return the derivatives (n, 2, k) of ``map_points`` by parameters ``wanted`` [(effect, parameter)] of its effects.
+
+    Closed where an effect has ``points_by_parameters`` of its own, else by differences with ``steps`` (k,); what comes after
+    an effect turns and stretches its moves.
+    """
+    listed = [(name, p) for name, p in in_order(chosen) if hasattr(effect_named(name), "map_points")]
+    out = np.zeros((*xy.shape, len(wanted)))
+    for name, params in listed:
+        module, p = effect_named(name), nulls_of(name) | dict(params)
+        moved = module.map_points(xy, view, p, channel)
+        if out.any():
+            along = [
+                (module.map_points(xy + h, view, p, channel) - module.map_points(xy - h, view, p, channel))
+                / (2 * DIFFERENCE_PX)
+                for h in np.eye(2) * DIFFERENCE_PX
+            ]
+            out = np.einsum("nij,njk->nik", np.stack(along, axis=-1), out)
+        mine = [k for k, (effect, _) in enumerate(wanted) if effect == name]
+        if mine:
+            out[..., mine] = _own_derivatives(module, xy, view, p, [(wanted[k][1], steps[k]) for k in mine], channel)
+        xy = moved
+    return out
+
+
+def _own_derivatives(module, xy, view, p, wanted, channel):
+    """Return the derivatives (n, 2, k) of one effect's map by its parameters ``wanted`` [(parameter, step)]."""
+    if hasattr(module, "points_by_parameters"):
+        return module.points_by_parameters(xy, view, p, [key for key, _ in wanted])
+    pairs = [[module.map_points(xy, view, p | {key: p[key] + s * h}, channel) for s in (1, -1)] for key, h in wanted]
+    return np.stack([(high - low) / (2 * h) for (high, low), (_, h) in zip(pairs, wanted, strict=True)], axis=-1)
 
 
 def light_spread(view, chosen):
@@ -281,8 +314,9 @@ def _sensed(module, p, view, rng, image, variance, noise_dn):
 
 def _encoded(view, rng, image, variance, noise_dn):
     if np.ndim(variance):
-        noise_dn = np.hypot(np.float32(noise_dn), encoded_noise(image, variance, view.encoding))
-    image = encode(image, view.encoding)
+        image, noise_dn = encode_with_noise(image, variance, noise_dn, view.encoding)
+    else:
+        image = encode(image, view.encoding)
     if rng is not None and view.noise_dn > 0:
         declared = numbers_of(rng, None).standard_normal(image.shape, dtype=np.float32)
         image = image + np.float32(view.noise_dn) * declared
@@ -299,15 +333,10 @@ def of_stage(found, stage):
     return [(module, p) for module, p in found if module.STAGE == stage]
 
 
-def encoded_noise(image, variance, encoding):
-    """Return the standard deviation, grey levels (H, W, C), of encoded linear values of a variance (full scale 255)."""
-    spread = np.sqrt(variance) / np.float32(255)
-    return (encode(image + spread, encoding) - encode(image - spread, encoding)) / 2
-
-
 def form_image(radiance, view, chosen, rng):
-    """Return grey levels (H, W, C) float32, unrounded, of a render (H + 2m, W + 2m), the frame cut out."""
-    image = resample(np.ascontiguousarray(radiance, np.float32)[..., None], view, chosen)
+    """Return grey levels (H, W, C) float32, unrounded, of a render (H + 2m, W + 2m) or (..., 3), the frame cut out."""
+    image = np.ascontiguousarray(radiance, np.float32)
+    image = resample(image[..., None] if image.ndim == 2 else image, view, chosen)
     image = photometric(image, view, chosen, rng)
     m = view.margin
     return image[m : m + view.height, m : m + view.width]

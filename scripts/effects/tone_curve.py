@@ -12,7 +12,6 @@ sharpening, between them, or after both.
 import functools
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from effects.base import Parameter
 from effects.encoding import look_up
@@ -44,7 +43,20 @@ STEPS = 4096
 def _waves():
     """Return d(v) of each knot lifted by one (STEPS + 1, knots)."""
     knots, v = np.array([0, *PERCENT, 100]) / 100, np.linspace(0, 1, STEPS + 1)
-    return CubicSpline(knots, np.eye(len(knots))[:, 1:-1], bc_type="natural")(v)
+    return natural_spline(knots, np.eye(len(knots))[:, 1:-1], v)
+
+
+def natural_spline(x, y, v):
+    """Return the natural cubic spline through y (n, m) at increasing x (n,), at v (k,) within them: (k, m)."""
+    h = np.diff(x)[:, None]
+    slope = np.diff(y, axis=0) / h
+    A = np.diag(2 * (h[:-1] + h[1:])[:, 0]) + np.diag(h[1:-1, 0], 1) + np.diag(h[1:-1, 0], -1)
+    bend = np.zeros_like(y)  # second derivatives at x
+    bend[1:-1] = np.linalg.solve(A, 6 * np.diff(slope, axis=0))
+    k = np.clip(np.searchsorted(x, v, side="right") - 1, 0, len(x) - 2)
+    t, h = (v - x[k])[:, None], h[k]
+    linear = slope[k] - h * (2 * bend[k] + bend[k + 1]) / 6
+    return y[k] + t * (linear + t * (bend[k] / 2 + t * (bend[k + 1] - bend[k]) / (6 * h)))
 
 
 def curve(p):

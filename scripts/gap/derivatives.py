@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from effects import library
 from gap.measure.capture import states_at
-from gap.measure.plate import N_FEATURES, STATE_FEATURES
+from gap.measure.plate import N_FEATURES, N_STATE, STATE_FEATURES
 from gap.parameters import get_parameter, image_step, is_geometric, small_step, with_parameters
 
 POSE_STEP = np.array([1e-5] * 3 + [1e-5] * 3)  # radians, metres
@@ -25,8 +26,15 @@ class Derivatives:
         """
         pose_columns = self.by_pose(i, effects, pose)
         by_response = step_of is not None or sum(not is_geometric(f) for f in free) > FEW_COLUMNS
-        columns = [self._column(i, effects, f, pose, step_of or image_step, by_response) for f in free]
-        return np.stack(columns, axis=1) if columns else np.zeros((len(pose_columns), 0)), pose_columns
+        out = np.zeros((len(pose_columns), len(free)))
+        geometric = [k for k, f in enumerate(free) if is_geometric(f)]
+        if geometric:
+            change = self._states_by(i, effects, [free[k] for k in geometric], pose)
+            out[:, geometric] = self._whitened_states(i, effects, pose, change)
+        for k, f in enumerate(free):
+            if not is_geometric(f):
+                out[:, k] = self._column(i, effects, f, pose, step_of or image_step, by_response)
+        return out, pose_columns
 
     def towards(self, i, effects, others, pose):
         """Return by what the whitened prediction (n,) of capture i changes where the effects become others."""
@@ -52,13 +60,28 @@ class Derivatives:
             columns.append((high - low) / (2 * h))
         return np.nan_to_num(np.stack(columns, axis=-1))
 
+    def corners_by_parameters(self, i, effects, free, pose):
+        """Return d corners / d geometric parameters ``free`` (p, 8, k) of the plates that were measured in capture i."""
+        return self._states_by(i, effects, free, pose)[self.whiteners[i].plates, :8]
+
+    def _states_by(self, i, effects, free, pose):
+        """Return d states / d geometric parameters ``free`` (p, 14, k) of capture i, 0 where a plate is out of sight."""
+        capture = self.problem.captures[i]
+        out = np.zeros((len(self.problem.codes.half_code), N_STATE, len(free)))
+        moving = [k for k, (name, _) in enumerate(free) if library.moves_points(name)]
+        if moving:
+            steps = [small_step(free[k]) for k in moving]
+            moves = self.problem.corners_by_parameters(capture, effects, pose, [free[k] for k in moving], steps)
+            out[:, :8, moving] = moves.reshape(len(out), 8, -1)
+        for k in sorted(set(range(len(free))) - set(moving)):
+            value, h = get_parameter(effects, free[k]), small_step(free[k])
+            high, low = (self._states(i, with_parameters(effects, [free[k]], [value + s * h]), pose) for s in (1, -1))
+            out[..., k] = (high - low) / (2 * h)
+        return np.nan_to_num(out)
+
     def _column(self, i, effects, parameter, pose, step_of, by_response):
-        """Return d (twin, whitened) / d parameter (n,): by point maps where it only moves points, else by images."""
+        """Return d (twin, whitened) / d parameter (n,) by images."""
         value = get_parameter(effects, parameter)
-        if is_geometric(parameter):
-            h = small_step(parameter)
-            high, low = (self._states(i, with_parameters(effects, [parameter], [value + s * h]), pose) for s in (1, -1))
-            return self._whitened_states(i, effects, pose, (high - low)[..., None] / (2 * h))[:, 0]
         h = step_of(parameter, value)
         change = self.predictor.shown(i, effects, pose).change(
             with_parameters(effects, [parameter], [value + h]), by_response

@@ -48,7 +48,8 @@ def errors_of(covariance, derivatives, groups, precision, whiteners):
     single, together = (np.diag(covariance @ meat @ covariance) for meat in (single, together))
     common = ((covariance @ shared) ** 2).sum(1)
     cautious = np.maximum(together, np.diag(covariance))
-    return np.sqrt(np.maximum(together, single) + common), np.sqrt(cautious + common)
+    with np.errstate(invalid="ignore"):  # what changes nothing has no error: NaN
+        return np.sqrt(np.maximum(together, single) + common), np.sqrt(cautious + common)
 
 
 def without_pose(y, Jt, Jp, nu):

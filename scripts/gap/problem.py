@@ -117,6 +117,16 @@ class Case:
             pixels = out.reshape(pixels.shape)
         return pixels
 
+    def corners_by_parameters(self, capture, effects, delta, free, steps):
+        """Return the derivatives (p, 4, 2, k) of ``corners_of`` by parameters ``free`` of effects that move points."""
+        scene, _, corners = self.scene_of(effects)
+        view = _moved(scene, capture.view, delta)
+        flat = project(view.K, view.T_cam_world, corners).reshape(-1, 2)
+        ok = np.isfinite(flat).all(1)
+        out = np.full((*flat.shape, len(free)), np.nan)
+        out[ok] = pipeline.points_by_parameters(flat[ok], view, effects, free, steps)
+        return out.reshape(*corners.shape[:2], 2, len(free))
+
     # -- images -----------------------------------------------------------------------------------------------
 
     def radiance_of(self, capture, effects, delta):

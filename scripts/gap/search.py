@@ -3,25 +3,37 @@
 Losses are sums of the robust loss over whitened residuals (gap.residuals); gaps are in units of the floor.
 """
 
-import itertools
 import math
 
 import numpy as np
 
 from effects import library, pipeline
+from gap.discrete import Discrete
 from gap.normal_equations import normal_equations
-from gap.parameters import fitted_parameters, image_step, is_geometric, prior_equations, spec
+from gap.parameters import (
+    fitted_parameters,
+    get_parameter,
+    image_step,
+    is_geometric,
+    prior_equations,
+    priors_of,
+    spec,
+)
 from gap.residuals import NU, flatten, lost_plates, rho, total, width_of
-from gap.score import floors_of, group_gaps, group_losses, losses_of
+from gap.score import floors_of, group_gaps, group_losses
 from gap.solver import Solver
 from gap.split import probes, split_by_station, thinned, usable
 from gap.twin import Candidate, Twin
 
+SCALE_FROM_AFAR, SCALE_FROM_NEAR = 16.0, 2.0  # robust scale at which a fit of corners begins
 MAX_PARAMETERS = 12  # of an effect that is no free warp, and of a base that is fitted beside a candidate
 MIN_GAIN = 25.0  # in loss: less is not worth a fit, nor a name
+CLEAR_EVIDENCE = 16.0  # times MIN_GAIN that taking an effect out costs to second order: a refit need not tell
 MAX_HIDDEN = 0.05  # share of the held-out plates that a candidate may lose
+ITERATIONS_OF_STARTS = 2  # in a few captures, to choose a start
+ITERATIONS_OF_RIVALS = 4  # there, to see whether a rival is one
+MAX_BEHIND = 2.0  # times the loss of what leads, beyond which it is none
 MAX_STARTS = 2  # that are fitted, those of the largest predicted gain, and as many that are nearest
-WIDTH_OF_WHOLE_VALUES = 10.0  # robust scale at which whole values are compared
 MAX_NOISE_GAP = 1.5  # gap of the noise's own observables up to which the twin's noise is like the real one
 MIN_STATION_LOSS = 3.0  # a station loses that loses more than this, or than 2 % of the whole gain
 
@@ -39,6 +51,8 @@ class Search:
         self.solver = Solver(problem, probes(self.train) + probes(self.test), threads)
         self.candidates = list(candidates or library.available_effects())
         self.fixed = frozenset(fixed)
+        self._of_starts = {}
+        self.discrete = Discrete(self.solver, self.train, self.fixed)
 
     @property
     def cost(self):
@@ -65,14 +79,15 @@ class Search:
 
     def fitted(self, effects, poses=None):
         """Return the Twin of some effects, all that is free fitted to the training captures from the values given."""
-        poses = np.zeros((len(self.problem.captures), 6)) if poses is None else poses
         free = self.free(effects)
-        offsets = [np.zeros((len(self.problem.codes.half_code), 8)) for _ in self.problem.captures]
         geometric = [f for f in free if is_geometric(f)]
-        effects, poses = self.solver.fit_geometry(
-            effects, geometric, poses, offsets, self.train, scale=16.0, iterations=10
-        )
-        return self.scored(self.solver.fit(effects, free, poses, self.train, iterations=20, scale=2.0), free)
+        if poses is None:
+            poses = np.zeros((len(self.problem.captures), 6))
+            offsets, scale = self.solver.no_offsets(), SCALE_FROM_AFAR
+        else:  # near: corners tell more than points once what their fit adds is known
+            offsets, scale = self.solver.offsets_of(effects, poses, self.train), SCALE_FROM_NEAR
+        effects, poses = self.solver.fit_geometry(effects, geometric, poses, offsets, self.train, scale, iterations=10)
+        return self.scored(self.solver.fit(effects, free, poses, self.train, iterations=20, with_geometry=False), free)
 
     def scored(self, fit, free, floors=None):
         """Return the Twin of a gap.solver.Fit, its held-out poses fitted; its own floors where none are given."""
@@ -82,7 +97,8 @@ class Search:
             _, of_train = self.solver.score(effects, poses, self.train)
             floors = self._floors(effects, poses, of_train | groups)
         errors, cautious = (dict(zip(free, e, strict=True)) for e in (fit.errors, fit.cautious_errors))
-        return Twin(tuple(effects), poses, groups, floors, errors, cautious, fit.loss, fit.converged)
+        evidence = evidence_of(effects, free, fit.precision)
+        return Twin(tuple(effects), poses, groups, floors, errors, cautious, evidence, fit.loss, fit.converged)
 
     def _floors(self, effects, poses, groups):
         """Return {group: floor}: what trials of a station differ by, or the twin's own captures from what it expects.
@@ -103,51 +119,42 @@ class Search:
         A fit does not leap: discrete parameters of the other effects are compared once more beside the new one.
         """
         twin = self.fitted(candidate.twin.effects, candidate.twin.poses)
-        compared = self._with_whole_values(twin, candidate.effect)
+        compared = self.discrete.compared_once_more(list(twin.effects), candidate.effect, twin.poses)
         if compared == twin.effects:
             return twin
         return min(twin, self.fitted(compared, twin.poses), key=lambda t: t.loss)
 
-    def _with_whole_values(self, twin, new):
-        """Return the effects, discrete parameters at their best whole values beside the others, but for the new one's."""
-        effects = []
-        for name, p in twin.effects:
-            discrete = [k for k in library.discrete_parameters(name) if (name, k) not in self.fixed]
-            if discrete and name != new:
-                others = [e for e in twin.effects if e[0] != name]
-                best = self._best_whole_values(name, p, others, discrete, twin.poses)
-                if any(abs(best[k] - p[k]) >= 1 for k in discrete):
-                    p = best
-            effects.append((name, p))
-        return tuple(effects)
-
-    def without(self, twin, name):
-        """Return the Twin without an effect, refitted."""
-        return self.fitted([e for e in twin.effects if e[0] != name], twin.poses)
-
-    def is_unneeded(self, twin, name):
-        """Return whether the twin without an effect, refitted, is as good on the held-out captures."""
-        rest = [e for e in twin.effects if e[0] != name]
-        fit = self.solver.fit(rest, self.free(rest), twin.poses, self.train, iterations=6, scale=4.0)
-        _, groups = self.solver.score(fit.state.effects, fit.state.poses, self.test)
-        return sum(losses_of(groups).values()) < sum(twin.losses.values()) + MIN_GAIN
+    def without_unneeded(self, twin, name):
+        """Return the Twin without an effect, refitted, where it is as good on the held-out captures; None where it is not."""
+        # A free warp makes up for more than a second order tells
+        beside_warp = any(len(p) > MAX_PARAMETERS for _, p in twin.effects)
+        if twin.evidence.get(name, 0.0) > CLEAR_EVIDENCE * MIN_GAIN and not beside_warp:
+            return None
+        rest = self.fitted([e for e in twin.effects if e[0] != name], twin.poses)
+        as_good = sum(rest.losses.values()) < sum(twin.losses.values()) + MIN_GAIN
+        return rest if as_good else None
 
     # -- what an effect would gain --------------------------------------------------------------------------------------
 
     def predicted_gains(self, twin, names):
-        """Return {effect: training loss that it could gain to first order} of some effects that the twin has not.
+        """Return {effect: training loss that it could gain to first order} of some effects that the twin has not."""
+        predict = self.gain_predictor(twin)
+        return {name: predict(name) for name in names if name not in twin.names}
+
+    def gain_predictor(self, twin):
+        """Return a function of an effect that the twin has not: the training loss that it could gain to first order.
 
         About its null, the twin's own parameters going along, or towards one of its starts: a prediction for each parameter
         and start. What promises next to nothing need not be fitted.
         """
-        probed = self._probed(twin.effects, twin.poses)
+        probed = self._probed(twin)
         beside = self._beside(twin, probed)
-        return {name: self._predicted_gain(twin, name, probed, beside) for name in names if name not in twin.names}
+        return lambda name: self._predicted_gain(twin, name, probed, beside)
 
-    def _probed(self, effects, poses):
-        """Return (indices of the probes, their residual groups, robust nu) of a list of effects."""
+    def _probed(self, twin):
+        """Return (indices of the probes, their residual groups, robust nu) of a twin."""
         indices = probes(self.train)
-        groups = self.solver.residuals_of(effects, poses, indices)
+        groups = self.solver.residuals_of(twin.effects, twin.poses, indices)
         return indices, groups, NU * width_of(groups) ** 2
 
     def _beside(self, twin, probed):
@@ -159,7 +166,7 @@ class Search:
 
     def _predicted_gain(self, twin, effect, probed, beside):
         indices, groups, nu = probed
-        free = [(effect, k) for k in library.fitted_parameters(effect)]
+        free = [(effect, k) for k in library.fitted_parameters(effect) if not spec((effect, k)).auxiliary]
         effects = [*twin.effects, (effect, library.nulls_of(effect))]
         derivatives = self.solver.derivatives(effects, free, twin.poses, indices, start_step)
         if beside is None:
@@ -179,6 +186,13 @@ class Search:
 
         The first sees a highlight from afar, the second what a start comes near to though the way there is crooked.
         """
+        key = pipeline.key_of(twin.effects), twin.poses.tobytes(), effect
+        if key not in self._of_starts:
+            self._of_starts[key] = self._followed(twin, effect, starts, probed)
+        return self._of_starts[key]
+
+    def _followed(self, twin, effect, starts, probed):
+        """Return (gains, losses) of ``_gains_of_starts``."""
         indices, groups, nu = probed
         gains, losses = [], []
         for start in starts:
@@ -194,63 +208,46 @@ class Search:
         """Return the Candidate of an effect that promises nothing: at its null, with the base's gap."""
         return Candidate(effect, library.nulls_of(effect), twin, twin.floors, False)
 
-    def try_effect(self, twin, effect, beside=()):
-        """Return the Candidate of one effect added to a twin and fitted, parameters ``beside`` it refitted."""
+    def try_effect(self, twin, effect, beside=(), lead=None):
+        """Return the Candidate of one effect added to a twin and fitted, parameters ``beside`` it refitted.
+
+        At its null where a Candidate ``lead`` leaves much less open in a few captures.
+        """
         free = [(effect, k) for k in library.fitted_parameters(effect)]
-        base = list(twin.effects)
-        starts = self._likely_starts(twin, effect)
-        start_effects = [*base, (effect, starts[0])]
-        if len(starts) > 1:
+        starts = [[*twin.effects, (effect, start)] for start in self._likely_starts(twin, effect)]
+        start = starts[0]
+        if len(starts) > 1 or lead:
             probe = probes(self.train)
-            fits = [
-                self.solver.fit([*base, (effect, s)], free, twin.poses, probe, iterations=2, scale=8.0) for s in starts
-            ]
-            start_effects = min(fits, key=lambda f: f.loss).state.effects
+            few = ITERATIONS_OF_RIVALS if lead else ITERATIONS_OF_STARTS
+            fits = [self.solver.fit(s, free, twin.poses, probe, iterations=few, scale=8.0) for s in starts]
+            best = min(fits, key=lambda f: f.loss)
+            if lead and best.loss > MAX_BEHIND * self._loss(lead.twin, probe):
+                return self.null_candidate(twin, effect)
+            start = best.state.effects
         free += beside
-        fit = self.solver.fit(start_effects, free, twin.poses, self.train, iterations=9, scale=8.0)
-        chosen = self._with_choices(effect, fit.state)
+        fit = self.solver.fit(start, free, twin.poses, self.train, iterations=9, scale=8.0)
+        chosen = self.discrete.with_choices(effect, fit.state)
         if chosen != fit.state.effects:
             other = self.solver.fit(chosen, free, fit.state.poses, self.train, iterations=9, scale=8.0)
             fit = min(fit, other, key=lambda f: f.loss)
         return self._candidate(twin, effect, self.scored(fit, free, twin.floors))
 
+    def _loss(self, twin, indices):
+        """Return the loss of a twin on some of the fitted captures."""
+        return total(self.solver.residuals_of(twin.effects, twin.poses, indices), NU)
+
     def _likely_starts(self, twin, effect):
         """Return those of an effect's starts that are worth a short fit."""
         discrete = [k for k in library.discrete_parameters(effect) if not spec((effect, k)).is_choice]
         if discrete:
-            return [self._best_whole_values(effect, library.nulls_of(effect), list(twin.effects), discrete, twin.poses)]
+            nulls = library.nulls_of(effect)
+            return [self.discrete.best_values(effect, nulls, list(twin.effects), discrete, twin.poses)]
         starts = library.starts_of(effect)
         if len(starts) <= MAX_STARTS:
             return starts
-        gains, losses = self._gains_of_starts(twin, effect, starts, self._probed(twin.effects, twin.poses))
+        gains, losses = self._gains_of_starts(twin, effect, starts, self._probed(twin))
         chosen = {*np.argsort(gains)[-MAX_STARTS:], *np.argsort(losses)[:MAX_STARTS]}
         return [starts[k] for k in sorted(chosen)]
-
-    def _with_choices(self, effect, state):
-        """Return the effects of a fitted State, one of them with the best values of what no fit moves."""
-        names = [k for k in library.discrete_parameters(effect) if spec((effect, k)).is_choice]
-        others = [e for e in state.effects if e[0] != effect]
-        known = dict(state.effects)[effect]
-        best = self._best_whole_values(effect, known, others, names, state.poses) if names else known
-        return [(n, best if n == effect else p) for n, p in state.effects]
-
-    def _best_whole_values(self, effect, known, others, names, poses):
-        """Return ``known`` parameters of an effect with the best whole values of its discrete ones ``names``.
-
-        ``others`` are the effects beside it. Values that make no other image, such as a place in an order that no other
-        effect minds, are not compared.
-        """
-        i, images = self.train[0], {}
-        for values in itertools.product(*(whole_values((effect, name)) for name in names)):
-            parameters = known | dict(zip(names, values, strict=True))
-            images.setdefault(pipeline.key_of([*others, (effect, parameters)]), []).append(parameters)
-        different = [known if known in alike else alike[0] for alike in images.values()]
-
-        def loss(parameters):
-            groups = self.solver.residuals(i, [*others, (effect, parameters)], poses[i])
-            return total({i: groups}, NU * WIDTH_OF_WHOLE_VALUES**2)
-
-        return min(different, key=loss) if len(different) > 1 else different[0]
 
     def _candidate(self, base, effect, twin):
         values = dict(twin.effects)[effect]
@@ -280,18 +277,29 @@ def start_step(parameter, value):
     return max(steps, key=abs) if steps else image_step(parameter, value)
 
 
-def whole_values(parameter):
-    """Return the whole values of (effect, parameter) within its bounds."""
-    bounds = spec(parameter)
-    return [float(value) for value in range(math.ceil(bounds.lower), math.floor(bounds.upper) + 1)]
-
-
 def first_order_gain(effects, free, derivatives, groups, nu):
     """Return the loss that a Gauss-Newton step of the free parameters would gain: a score test's statistic."""
     H, g, _ = normal_equations(derivatives, groups, nu, prior_equations(effects, free))
     scale = np.sqrt(np.maximum(np.diag(H), 1e-12))
     g, H = g / scale, H / np.outer(scale, scale)
     return float(g @ np.linalg.lstsq(H + 1e-6 * np.eye(len(g)), g, rcond=None)[0])
+
+
+def evidence_of(effects, free, precision):
+    """Return {effect: loss that taking it out costs to second order, the others refitted}: Wald's statistic.
+
+    ``precision`` (k, k) is the Hessian of half the loss by the free parameters. Source: A. Wald, "Tests of statistical
+    hypotheses concerning several parameters when the number of observations is large" (1943).
+    """
+    covariance = np.linalg.pinv(precision + 1e-12 * np.eye(len(free)))
+    null, _ = priors_of(free)
+    away = np.array([get_parameter(effects, f) for f in free]) - null
+    out = {}
+    for name, _ in effects:
+        mine = [k for k, (effect, _) in enumerate(free) if effect == name]
+        if mine:
+            out[name] = float(away[mine] @ np.linalg.pinv(covariance[np.ix_(mine, mine)]) @ away[mine])
+    return out
 
 
 def gains_by_station(problem, before, after):

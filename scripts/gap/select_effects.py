@@ -71,9 +71,9 @@ def verdict(problem, effects=(), candidates=None, fixed=(), budget=BUDGET, threa
         raise ValueError(search.why_unusable())
     base = search.fitted(list(effects))
     rigid = [n for n in search.candidates if not is_flexible(n) and n not in base.names]
-    first = try_promising(search, base, rigid, MAX_TRIED)
+    first, gains = try_promising(search, base, rigid, MAX_TRIED)
     first += [search.null_candidate(base, n) for n in search.candidates if is_flexible(n) and n not in base.names]
-    return search, base, first, concluded(Selection(search, budget, progress), base, first)
+    return search, base, first, concluded(Selection(search, budget, gains, progress), base, first)
 
 
 def is_flexible(name):
@@ -83,10 +83,14 @@ def is_flexible(name):
 
 @dataclass
 class Selection:
-    """A search with the sets of effects that it has had: a path that comes back to one ends."""
+    """A search with the sets of effects that it has had: a path that comes back to one ends.
+
+    gains  {effect: what it promised as the base's first effect}
+    """
 
     search: Search
     budget: int
+    gains: dict
     progress: object = None
 
     def __post_init__(self):
@@ -144,7 +148,7 @@ def path(selection, base, first, before, start_with=None, taken=()):
     first step, the best where None; ``taken`` are steps that led to the base; ``before`` is the first excess. An earlier effect
     that the refitted twin no longer needs is taken out.
     """
-    search, twin = selection.search, base
+    search, twin, gains = selection.search, base, selection.gains
     steps, candidates, names = list(taken), rank(first), [c.effect for c in first]
     while not selection.is_spent():
         missing = [c for c in candidates if is_missing(c, twin.excess)]
@@ -165,7 +169,7 @@ def path(selection, base, first, before, start_with=None, taken=()):
             break
         if not selection.is_new(twin.names):
             break
-        candidates = try_beside_others(search, twin, names)
+        candidates, gains = try_beside_others(search, twin, names, gains)
     return outcome_of(steps, rank(candidates), twin, before)
 
 
@@ -178,8 +182,9 @@ def outcome_of(steps, left, twin, before):
 def _without_unneeded(search, twin, new, steps):
     """Return (Twin, steps) without the effects that the refitted twin no longer needs; one goes at a time."""
     for name in twin.names:
-        if name != new and not search.is_fixed(name) and search.is_unneeded(twin, name):
-            return search.without(twin, name), [s for s in steps if s.effect != name]
+        rest = search.without_unneeded(twin, name) if name != new and not search.is_fixed(name) else None
+        if rest:
+            return _without_unneeded(search, rest, new, [s for s in steps if s.effect != name])
     return twin, steps
 
 
@@ -218,34 +223,51 @@ def _retraced(search, base, outcome, without, before):
 # -- candidates -----------------------------------------------------------------------------------------------------
 
 
-def try_promising(search, twin, names, most, beside=()):
-    """Return the candidates of some effects, best first: those that promise most are fitted, the others stay at their null.
+def try_promising(search, twin, names, most, beside=(), known=None):
+    """Return (candidates of some effects, best first; {effect: predicted gain}).
 
-    They are fitted in the order of their predicted gains. Once one reaches the floor, only its rivals are of interest.
+    Those that promise most are fitted, the others stay at their null. ``known`` are gains that were predicted of an earlier
+    twin: what promised next to nothing is asked again only where nothing else is worth its name.
     """
-    gains = search.predicted_gains(twin, names)
+    names, known, predict = [n for n in names if n not in twin.names], known or {}, search.gain_predictor(twin)
+    least = MIN_SHARE_OF_BEST * max((known.get(n, 0.0) for n in names), default=0.0)
+    gains = {n: predict(n) for n in names if known.get(n, np.inf) >= least}
+    tried = _fitted_ones(search, twin, gains, most, beside, {})
+    if not any(is_missing(c, twin.excess) for c in tried.values()):
+        gains |= {n: predict(n) for n in names if n not in gains}
+        tried = _fitted_ones(search, twin, gains, most, beside, tried)
+    return rank(tried.get(n) or search.null_candidate(twin, n) for n in names), known | gains
+
+
+def _fitted_ones(search, twin, gains, most, beside, tried):
+    """Return {effect: Candidate} of those tried before and of those effects that promise most.
+
+    They are fitted in the order of their predicted gains. Once one is worth its name, only its rivals are of interest: what
+    else is missing is seen better beside it.
+    """
+    tried = dict(tried)
     promising = [n for n in sorted(gains, key=lambda n: (-gains[n], n)) if gains[n] >= MIN_GAIN][:most]
-    tried = {}
     for name in promising:
-        least = RIVALS if any(is_at_floor(c.twin) for c in tried.values()) else MIN_SHARE_OF_BEST
-        if gains[name] >= least * gains[promising[0]]:
-            tried[name] = search.try_effect(twin, name, beside)
-    return rank(tried.get(n) or search.null_candidate(twin, n) for n in gains)
+        lead = next((c for c in rank(tried.values()) if is_missing(c, twin.excess)), None)
+        least = RIVALS if lead else MIN_SHARE_OF_BEST
+        if name not in tried and gains[name] >= least * gains[promising[0]]:
+            tried[name] = search.try_effect(twin, name, beside, lead)
+    return tried
 
 
-def try_beside_others(search, twin, names):
-    """Return the candidates of some effects, best first, beside those of a twin.
+def try_beside_others(search, twin, names, known):
+    """Return (candidates of some effects, best first; their predicted gains), beside those of a twin, as ``try_promising``.
 
     What was adopted may have made up for a part of what promises most: where the best is not worth its name, all are tried
     again, the twin refitted with them.
     """
-    candidates = try_promising(search, twin, names, MAX_TRIED_AGAIN)
+    candidates, gains = try_promising(search, twin, names, MAX_TRIED_AGAIN, known=known)
     free = search.free(twin.effects)
     tried = [c.effect for c in candidates if c.fitted]
     if not tried or is_missing(candidates[0], twin.excess) or len(free) > MAX_PARAMETERS:
-        return candidates
+        return candidates, gains
     others = [c for c in candidates if not c.fitted]
-    return rank([*others, *(search.try_effect(twin, n, free) for n in tried)])
+    return rank([*others, *(search.try_effect(twin, n, free) for n in tried)]), gains
 
 
 def is_missing(candidate, excess):

@@ -19,7 +19,6 @@ from gap.parameters import (
     prior_equations,
     prior_loss,
     priors_of,
-    small_step,
     with_parameters,
 )
 from gap.predict.predictor import Predictor
@@ -44,7 +43,8 @@ class Fit:
     """The outcome of a fit on the training captures; standard errors (k,) of its k free parameters.
 
     ``errors`` are told: what the residuals' own scatter makes of the parameters. ``cautious_errors`` are those of plates
-    measured no better than ``FEATURE_FLOOR``, and decide whether an effect is there at all.
+    measured no better than ``FEATURE_FLOOR``, and decide whether an effect is there at all. ``precision`` (k, k) is the
+    Hessian of half the loss.
     """
 
     state: State
@@ -52,6 +52,7 @@ class Fit:
     errors: np.ndarray
     cautious_errors: np.ndarray
     converged: bool
+    precision: np.ndarray
 
 
 class Solver:
@@ -87,7 +88,6 @@ class Solver:
         """
         theta = np.array([get_parameter(effects, f) for f in free])
         null, precision = priors_of(free)
-        steps = np.array([small_step(f) for f in free])
         lower, upper = bounds_of(free)
         damping = 1e-6
         best = np.inf
@@ -104,13 +104,9 @@ class Solver:
                 weight = 1 / (1 + y * y / nu)
                 Li = self.whiteners[i].corner_inverse
                 Jp = np.einsum("pij,pjk->pik", Li, self.derivatives_of.corners_by_pose(i, current, poses[i]))
-                Jt = np.zeros((*y.shape, len(free)))
-                for k in range(len(free)):
-                    h = np.zeros(len(free))
-                    h[k] = steps[k]
-                    high = self.corner_residuals(i, with_parameters(effects, free, theta + h), poses[i], offsets[i])
-                    low = self.corner_residuals(i, with_parameters(effects, free, theta - h), poses[i], offsets[i])
-                    Jt[..., k] = -(high - low) / (2 * steps[k])
+                Jt = np.einsum(
+                    "pij,pjk->pik", Li, self.derivatives_of.corners_by_parameters(i, current, free, poses[i])
+                )
                 wy = (weight * y).reshape(-1)
                 Jp, Jt = Jp.reshape(y.size, 6), Jt.reshape(y.size, len(free))
                 wJp = weight.reshape(-1, 1) * Jp
@@ -146,14 +142,32 @@ class Solver:
         groups["pose"] = pose * np.sqrt(self.prior)
         return groups
 
+    def residuals_towards(self, i, effects, others, pose):
+        """Return the residual groups of capture i where a list of effects becomes others that leave points and windows alone."""
+        shown = self.predictor.shown(i, effects, pose)
+        change, before = shown.change(others, by_response=False), shown.prediction
+        noise = None if change.noise is None else before.noise + change.noise
+        after = replace(
+            before,
+            features=before.features + change.features,
+            colour=before.colour + change.colour,
+            field=before.field + change.field,
+            noise=noise,
+        )
+        return self._residuals(i, pose, after)
+
     def residuals_of(self, effects, poses, indices):
         """Return {i: residual groups} of captures."""
         self.cost += len(indices)
         return self.each(lambda i: self.residuals(i, effects, poses[i]), indices)
 
+    def no_offsets(self):
+        """Return the ``offsets_of`` of a twin whose corners are measured where they are."""
+        return [np.zeros((len(self.problem.codes.half_code), 8)) for _ in self.problem.captures]
+
     def offsets_of(self, effects, poses, indices):
         """Return measured minus exact corners of the twin itself, a list over captures of (p, 8)."""
-        offsets = [np.zeros((len(self.problem.codes.half_code), 8)) for _ in self.problem.captures]
+        offsets = self.no_offsets()
         for i in indices:
             exact = self.problem.corners_of(self.problem.captures[i], effects, poses[i]).reshape(-1, 8)
             offsets[i] = np.nan_to_num(self.predictor.predict(i, effects, poses[i]).features[:, :8] - exact)
@@ -181,13 +195,13 @@ class Solver:
         """
         effects = [(n, dict(p)) for n, p in effects]
         geometric = [f for f in free if is_geometric(f)]
-        offsets = [np.zeros((len(self.problem.codes.half_code), 8)) for _ in self.problem.captures]
+        offsets = self.no_offsets()
         if geometric and with_geometry:
             effects, poses = self.fit_geometry(effects, geometric, poses, offsets, train, scale=scale)
         groups = self.residuals_of(effects, poses, train)
         width = width_of(groups) if free else 1.0
         errors = cautious_errors = np.zeros(len(free))
-        converged = not free
+        converged, H = not free, np.zeros((len(free), len(free)))
         lower, upper = bounds_of(free)
         damping, age = 1e-4, OLDEST_DERIVATIVES
         for _ in range(iterations):
@@ -234,12 +248,13 @@ class Solver:
             if gain < STILL_FAR * loss:  # a robust loss hides what is far: come near before narrowing
                 width = max(1.0, width / 3)
         if free:
-            derivatives = self.derivatives(effects, free, poses, train)
+            if not converged:  # else they are those of a step within the errors
+                derivatives = self.derivatives(effects, free, poses, train)
             H, _, _ = normal_equations(derivatives, groups, NU, prior_equations(effects, free))
             covariance = np.linalg.pinv(H + np.diag(np.full(len(free), 1e-12)))
             _, precision = priors_of(free)
             errors, cautious_errors = errors_of(covariance, derivatives, groups, precision, self.whiteners)
-        return Fit(State(effects, poses), total(groups, NU), errors, cautious_errors, converged)
+        return Fit(State(effects, poses), total(groups, NU), errors, cautious_errors, converged, H)
 
     # -- scoring --------------------------------------------------------------------------------------------------
 
@@ -248,7 +263,7 @@ class Solver:
 
         Images are drawn again while poses move by more than their corners can be led on to.
         """
-        offsets = [np.zeros((len(self.problem.codes.half_code), 8)) for _ in self.problem.captures]
+        offsets = self.no_offsets()
         _, poses = self.fit_geometry(effects, [], poses, offsets, indices, scale=8.0, iterations=POSE_STEPS)
         for _ in range(DRAWN_AGAIN):
             self.cost += len(indices)

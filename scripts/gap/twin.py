@@ -14,7 +14,8 @@ class Twin:
 
     effects  ((name, {parameter: value}), ...); poses (n, 6) of all captures
     groups   {held-out capture: residual groups}; floors {group: floor}
-    errors, cautious_errors  {(effect, parameter): standard error} of what was fitted; loss of the fitted captures
+    errors, cautious_errors  {(effect, parameter): standard error} of what was fitted
+    evidence  {effect: loss that taking it out costs to second order}; loss of the fitted captures
     """
 
     effects: tuple
@@ -23,6 +24,7 @@ class Twin:
     floors: dict
     errors: dict
     cautious_errors: dict
+    evidence: dict
     loss: float
     converged: bool
 

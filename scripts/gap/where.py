@@ -16,15 +16,17 @@ BINS = 5
 EVERYWHERE = "everywhere"
 ADDS = 0.05  # share that a covariate must explain beyond what is alike everywhere
 MOST_PER_OBSERVABLE = 2
+GROUND = FEATURES.index("ground")  # a plate's: off its nominal level
 
 
 def plate_gaps(case, effects, poses, predictions):
     """Return a table, a row a measured plate and capture: covariates, and real minus twin of every plate feature.
 
     Corners are summed up as ``dx_px``, ``dy_px`` (mean shift), ``d_radial_px`` (away from the image's centre),
-    ``d_scale`` (relative growth) and kept singly as well. Units as in gap.measure.plate.UNITS.
+    ``d_scale`` (relative growth) and kept singly as well. ``level_dn`` is the ground's in the twin: the capture's would have
+    the gap in it. Units as in gap.measure.plate.UNITS.
     """
-    tables = []
+    tables, ground_dn = [], np.interp(case.codes.levels[2], np.linspace(0, 1, len(case.codes.lut)), case.codes.lut)
     for i, prediction in predictions.items():
         capture = case.captures[i]
         o, view = capture.observation, case.view_of(capture, effects, poses[i])
@@ -57,7 +59,7 @@ def plate_gaps(case, effects, poses, predictions):
                 "column_px": centre[:, 0],
                 "height_m": eye[2, 3],
                 "tilt_deg": np.degrees(np.arcsin(np.clip(-forward[2], -1, 1))),
-                "level_dn": o.features[k, 10],
+                "level_dn": ground_dn + prediction.features[k, GROUND],
                 "trial": capture.trial,
                 "dx_px": shift[..., 0].mean(1),
                 "dy_px": shift[..., 1].mean(1),

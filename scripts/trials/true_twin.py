@@ -57,7 +57,10 @@ def true_twin(search, names):
         gains = search.predicted_gains(twin, left)
         twin = search.adopt(search.try_effect(twin, max(left, key=gains.get)))
     groups = gaps_of(twin.groups, twin.floors)
-    without = {name: gaps_of(search.without(twin, name).groups, twin.floors) for name in names}
+    without = {
+        name: gaps_of(search.fitted([e for e in twin.effects if e[0] != name], twin.poses).groups, twin.floors)
+        for name in names
+    }
     counted = [name for name in names if rises(groups, without[name])]
     uncounted = [name for name in names if name not in counted]
     return TrueTwin([[n, p] for n, p in twin.effects], twin.gap, groups, twin.floors, counted, uncounted, without)

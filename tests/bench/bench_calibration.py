@@ -18,12 +18,12 @@ import cv2  # noqa: E402
 from tabulate import tabulate  # noqa: E402
 
 from detectors import contract  # noqa: E402
+from inputs.campaign import Board, load_campaign  # noqa: E402
+from inputs.images import read_image  # noqa: E402
 from record import record  # noqa: E402
-from register_captures import better_finder, board_finder, usable_views  # noqa: E402
-from rig import boards, calibration  # noqa: E402
-from rig.campaign import Board, load_campaign  # noqa: E402
+from register import boards, calibration  # noqa: E402
+from register.finders import better_finder, board_finder, usable_views  # noqa: E402
 from rig.errors import InputError  # noqa: E402
-from rig.images import read_image  # noqa: E402
 
 REAL = ROOT.parent / "shared" / "real"
 VIDEO_SET = "charuco5x5_wpical_1080p"

@@ -17,10 +17,10 @@ import pandas as pd  # noqa: E402
 from exact_coverage import add_polygon, cells_of, exact_radiance  # noqa: E402
 
 from expand_tables import expand_tables  # noqa: E402
+from inputs import tables  # noqa: E402
+from inputs.scene import load_scene  # noqa: E402
 from record import record  # noqa: E402
-from rig import tables  # noqa: E402
 from rig.geometry import camera_matrix, make_pose, project  # noqa: E402
-from rig.scene import load_scene  # noqa: E402
 
 CAMPAIGN = ROOT / "data/raw/frame"
 MARGIN = 20

@@ -17,11 +17,11 @@ import yaml
 
 import job
 from detect_moving import detect_moving
+from inputs.safe_yaml import load_yaml
 from measure_moving import measure_moving
+from moving.config import load_moving
 from record import record
 from render_moving import render_moving
-from rig.moving_config import load_moving
-from rig.safe_yaml import load_yaml
 from trace_moving import trace_moving
 
 TRAJECTORIES = ("at_rest", "hand_held_sway", "occlusion")

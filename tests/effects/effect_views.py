@@ -4,9 +4,9 @@ import numpy as np
 
 from effects import library
 from effects.base import Scene, View
+from inputs.tables import MARKERS
 from rig.geometry import camera_matrix, station_pose
 from rig.plates import marker_plate
-from rig.tables import MARKERS
 
 WIDTH, HEIGHT, MARGIN = 200, 140, 40
 # One setting of each effect, well off its null, that this small view can show

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import adopt_effect
-from rig.twins import load_twin
+from inputs.twins import load_twin
 
 STEP = {
     "effect": "lens_blur",

@@ -8,8 +8,8 @@ from effect_views import view
 
 import effects
 from effects import library, pipeline
+from inputs.twins import load_twin
 from rig.errors import InputError
-from rig.twins import load_twin
 
 THIRTIETH = '''"""Haze: a constant light is added. Source: test."""
 

@@ -99,6 +99,25 @@ def test_inverse_leads_back(name):
         np.testing.assert_allclose(pipeline.inverse_points(there, v, chosen, channel), xy, atol=1e-5)
 
 
+@pytest.mark.parametrize("name", list(STRONG))
+def test_points_follow_parameters_as_differences_say(name):
+    """Fails if a closed derivative takes another axis or wave, or if what comes after an effect does not turn its moves."""
+    v = view()
+    rng = np.random.default_rng(2)
+    xy = rng.uniform((0, 0), (v.width, v.height), (40, 2))
+    chosen = [(n, library.nulls_of(n) | p) for n, p in STRONG.items()]
+    keys = list(STRONG[name])
+    step = 1e-6
+    slopes = pipeline.points_by_parameters(xy, v, chosen, [(name, k) for k in keys], [step] * len(keys))
+    for column, key in enumerate(keys):
+        pair = [
+            pipeline.map_points(xy, v, [(n, p | {key: p[key] + s * step}) if n == name else (n, p) for n, p in chosen])
+            for s in (1, -1)
+        ]
+        expected = (pair[0] - pair[1]) / (2 * step)
+        np.testing.assert_allclose(slopes[..., column], expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max() + 1e-9)
+
+
 def test_all_geometry_at_once_is_one_map():
     """Several effects compose in physical order whatever the list's order, and the image follows the composition."""
     v = view()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from effect_views import noise_image, scene, view
 
-from effects import library, pipeline
+from effects import contract, library, pipeline
 
 EFFECTS = library.available_effects()
 
@@ -36,7 +36,7 @@ def test_the_pipeline_calls_no_effect_at_its_null(monkeypatch):
     for name in EFFECTS:
         chosen, v = [(name, library.nulls_of(name))], view()
         with monkeypatch.context() as patched:
-            for hook in library.HOOKS:
+            for hook in contract.HOOKS:
                 if hasattr(EFFECTS[name], hook):
                     patched.setattr(EFFECTS[name], hook, None)
             assert pipeline.scene_with_effects(scene(), chosen).plates

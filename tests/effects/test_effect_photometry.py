@@ -162,7 +162,7 @@ def test_jpeg_is_the_real_one():
     """A whole quality gives what a camera's library gives for the rounded frame of a capture that was taken."""
     v = view()
     image = cv2.GaussianBlur(noise_image(1, v), (0, 0), 2)[..., None]
-    out = FOUND["jpeg_compression"].apply(image, v, {"loss": 40.0}, np.random.default_rng(0))[FRAME]
+    out = FOUND["jpeg_compression"].apply(image, v, {"loss": 40.0, "full_colour": 0.0}, np.random.default_rng(0))[FRAME]
     _, data = cv2.imencode(".jpg", pipeline.to_uint8(image[FRAME]), [cv2.IMWRITE_JPEG_QUALITY, 60])
     np.testing.assert_array_equal(out[..., 0], cv2.imdecode(data, cv2.IMREAD_GRAYSCALE))
 

@@ -10,10 +10,10 @@ from effect_views import MARGIN, view
 
 from effects import library
 from expose_twin import expose_twin
-from rig import tables
+from inputs import tables
+from inputs.render_store import write_station
 from rig.errors import InputError
 from rig.geometry import split_pose
-from rig.render_store import write_station
 
 WIDTH, HEIGHT = 120, 80
 

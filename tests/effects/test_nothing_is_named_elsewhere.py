@@ -9,7 +9,8 @@ from effects import library
 SCRIPTS = Path(library.__file__).parents[1]
 OTHER_THINGS = {"exposure"}  # of a campaign: a key of its description, not the effect
 ALLOWED = {
-    "rig/config.py",  # defaults of the configuration
+    "calibrations/lensfun.py",  # what lensfun calls it in its files
+    "inputs/config.py",  # defaults of the configuration
     "make_tables.py",  # what the paper published
     "trials/generate_trials.py",  # what the generator hides, which has names and parameters of its own
     "trials/summarise_trials.py",  # those parameters in the library's terms

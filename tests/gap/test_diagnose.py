@@ -7,6 +7,7 @@ import pytest
 from cases import generated_case
 
 from effects import library, pipeline
+from gap.discrete import Discrete
 from gap.residuals import LOST_PLATE, flatten
 from gap.score import overall_gap
 from gap.search import Search, is_significant
@@ -162,14 +163,13 @@ def test_places_are_compared_only_where_they_make_a_difference(others, compared)
     """Fails if each place cost predictions for the same image, or the better one were not taken."""
     tried = []
 
-    def residuals(i, effects, pose):
+    def residuals(i, start, effects, pose):
         tried.append(dict(effects)["tone_curve"]["place"])
         return {"levels": np.array([3.0 - tried[-1]]), "pose": np.zeros(6)}
 
-    search = object.__new__(Search)
-    search.train, search.solver = [0], SimpleNamespace(residuals=residuals)
+    discrete = Discrete(SimpleNamespace(residuals_towards=residuals), [0], frozenset())
     curve = library.nulls_of("tone_curve") | {"lift_at_50_pct_dn": 9.0, "place": 0.0}
-    best = search._best_whole_values("tone_curve", curve, others, ["place"], np.zeros((1, 6)))
+    best = discrete.best_values("tone_curve", curve, others, ["place"], np.zeros((1, 6)))
     assert len(tried) == compared
     assert best == curve | ({"place": 1.0} if compared else {})
 
@@ -196,7 +196,7 @@ def test_candidates_are_told_in_the_floors_of_the_verdict(nothing_hidden):
 
 def test_a_search_that_comes_back_ends():
     """Fails if a set of effects that was had before were searched again: the same steps from other first ones took minutes."""
-    selection = Selection(SimpleNamespace(cost=0), 10)
+    selection = Selection(SimpleNamespace(cost=0), 10, {})
     assert selection.is_new(["lens_blur", "vignetting"])
     assert not selection.is_new(["vignetting", "lens_blur"])
     assert not selection.is_spent()

@@ -15,7 +15,7 @@ from gap.measure.capture import Codes, Observation
 from gap.problem import Capture, Case, encoding_table
 from gap.residuals import RHO_NOISE, rho
 from gap.select_effects import confused_with
-from rig.twins import load_twin
+from inputs.twins import load_twin
 
 # -- candidates that cannot be told apart ------------------------------------------------------------------------------
 

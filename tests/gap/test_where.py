@@ -30,7 +30,7 @@ def plates(overshoot):
     ],
 )
 def test_a_covariate_is_named_for_what_it_adds(overshoot, named):
-    """A gap alike everywhere is foretold by every covariate's bins: ten of them would hide that none matters."""
+    """A gap alike everywhere is predicted by every covariate's bins: ten of them would hide that none matters."""
     rows = [r for r in explained_shares(plates(overshoot), ["train"]) if r["observable"] == "overshoot"]
     assert [r["covariate"] for r in rows if r["share"] > 0.1] == named
     assert rows[0]["share"] > 0.9

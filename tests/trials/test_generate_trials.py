@@ -9,7 +9,7 @@ import yaml
 from PIL import Image
 
 from generator import LIBRARY, OUTSIDE, draw_effect, nominal
-from rig.campaign import load_campaign
+from inputs.campaign import load_campaign
 from trials import generate_trials
 from trials.trial_names import names_of
 

@@ -134,21 +134,20 @@ def _packed(sizes):
 
 
 @njit(cache=True, nogil=True)
+def _tile(tile):
+    """Return (x0, y0, x1, y1, frame pixels across and down one of it, column, row, columns, rows) of a row of ``Atlas.tiles``."""
+    x0, y0, along, down = tile[0], tile[1], tile[2], tile[3]
+    columns, rows = int(tile[6]), int(tile[7])
+    return x0, y0, x0 + columns * along, y0 + rows * down, along, down, int(tile[4]), int(tile[5]), columns, rows
+
+
+@njit(cache=True, nogil=True)
 def draw(vertices, tiles, out):
     """Add the coverage of closed polygons (n, m, 2), frame pixels, to the small image ``out``; tiles as of ``Atlas.tiles``."""
     n, m = vertices.shape[0], vertices.shape[1]
     boxes = _bounding_boxes(vertices, 0.0)
     for t in range(tiles.shape[0]):
-        x0, y0, along, down, column, row = (
-            tiles[t, 0],
-            tiles[t, 1],
-            tiles[t, 2],
-            tiles[t, 3],
-            int(tiles[t, 4]),
-            int(tiles[t, 5]),
-        )
-        columns, rows = int(tiles[t, 6]), int(tiles[t, 7])
-        x1, y1 = x0 + columns * along, y0 + rows * down
+        x0, y0, x1, y1, along, down, column, row, columns, rows = _tile(tiles[t])
         acc = np.zeros((rows, columns + 2))
         for i in range(n):
             if not (boxes[i, 0] < x1 and boxes[i, 2] > x0 and boxes[i, 1] < y1 and boxes[i, 3] > y0):
@@ -171,16 +170,7 @@ def draw_spread(vertices, directions, shares, tiles, out):
     boxes = _bounding_boxes(vertices, _farthest(directions, shares))
     moved = np.empty((m, 2))
     for t in range(tiles.shape[0]):
-        x0, y0, along, down, column, row = (
-            tiles[t, 0],
-            tiles[t, 1],
-            tiles[t, 2],
-            tiles[t, 3],
-            int(tiles[t, 4]),
-            int(tiles[t, 5]),
-        )
-        columns, rows = int(tiles[t, 6]), int(tiles[t, 7])
-        x1, y1 = x0 + columns * along, y0 + rows * down
+        x0, y0, x1, y1, along, down, column, row, columns, rows = _tile(tiles[t])
         small = along > 1.0  # the frame in small: a spread changes nothing there
         acc = np.zeros((rows, columns + 2))
         for i in range(n):
