@@ -14,11 +14,11 @@ sys.path[:0] = ["scripts"]
 from detectors import contract
 from expand_tables import facts_of
 from imports import imports_of
-from rig.campaign import load_campaign
-from rig.config import check_choice, check_config
+from inputs.campaign import load_campaign
+from inputs.config import check_choice, check_config
 from rig.errors import InputError
-from rig.experiment import load_experiment
-from rig.images import check_captures
+from inputs.experiment import load_experiment
+from inputs.images import check_captures
 from trials.trial_names import names_of
 from verify_data import tracked_listing, tracked_md5
 
@@ -94,7 +94,17 @@ def campaign_files():
     names = ["campaign.yaml", SOURCE.file.captures]
     if SOURCE.file.markers:
         names.append(SOURCE.file.markers)
+    given = [camera.intrinsics for camera in SOURCE.file.cameras.values()]
+    names += [file.partition("#")[0] for file in given if file]
     return [f"{CAMPAIGN}/{name}" for name in names]
+
+
+def format_code():
+    """Return the code of calibrations' formats, found by being there, where a camera's intrinsics are a file's."""
+    cameras = SOURCE.file.cameras.values()
+    if not any(getattr(camera, "intrinsics", None) for camera in cameras):
+        return []
+    return with_imports(map(str, Path("scripts/calibrations").glob("*.py")))
 
 
 def campaign_folder(wildcards):
@@ -209,8 +219,8 @@ def twin_of(wildcards):
 
 
 def twin(camera):
-    """Return the rig.twins.Twin of a camera."""
-    from rig.twins import load_twin
+    """Return the inputs.twins.Twin of a camera."""
+    from inputs.twins import load_twin
 
     try:
         return load_twin(f"config/twins/{NAME}/{camera}.yaml")
@@ -282,8 +292,11 @@ DIAGNOSIS = (
     if CAMPAIGN
     else []
 )
-# A campaign of hand-held boards has no markers that a detector could find.
-HAS_MARKERS = not (CAMPAIGN and SOURCE.file.target)
+# What was not photographed has nothing to compare.
+EXPLORER = [f"{RESULTS}/report/explore.html"] if CAMPAIGN else []
+# Photographs of one calibration board; a chessboard has no markers that a detector could find.
+BOARD = bool(CAMPAIGN and SOURCE.file.target)
+HAS_MARKERS = len(SOURCE.markers) > 0
 
 
 wildcard_constraints:
@@ -314,7 +327,7 @@ MOVING = "results/moving/{moving}"
 
 def moving_experiment(wildcards):
     """Return the moving_config.Moving of a job; end with one message where its file is wrong."""
-    from rig.moving_config import load_moving
+    from moving.config import load_moving
 
     path = f"config/moving/{wildcards.moving}.yaml"
     try:

@@ -71,7 +71,7 @@ rule diagnose_camera:
         "../scripts/diagnose_camera.py"
 
 
-if not HAS_MARKERS:
+if BOARD:
 
     # Hand-held photographs of one board: points are all that is known, so only what moves points can be named.
     ruleorder: diagnose_board > diagnose_camera

@@ -9,6 +9,7 @@ rule expand_tables:
     input:
         description=campaign_files(),
         code=imports_of("expand_tables.py"),
+        format_code=format_code(),
     output:
         markers=f"{RESULTS}/expand/markers.csv",
         cameras=f"{RESULTS}/expand/cameras.csv",
@@ -35,6 +36,7 @@ use rule expand_tables as expand_camera with:
     input:
         description=[ancient(path) for path in campaign_files()],
         code=imports_of("expand_tables.py"),
+        format_code=format_code(),
     output:
         markers=f"{RESULTS}/expand/{{camera}}/markers.csv",
         cameras=f"{RESULTS}/expand/{{camera}}/cameras.csv",

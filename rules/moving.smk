@@ -147,8 +147,8 @@ rule run_moving:
         frames=moving_frames,
         clips=moving_clips,
         notebook="notebooks/moving.ipynb",
-        template="scripts/moving_template.html.j2",
-        frame="scripts/page_template.html.j2",
+        template="scripts/reporting/moving_template.html.j2",
+        frame="scripts/reporting/page_template.html.j2",
         code=imports_of("run_notebook.py", "notebooks/moving.ipynb"),
     output:
         notebook=f"{MOVING}/notebooks/moving.ipynb",

@@ -1,6 +1,7 @@
 """Register: check every capture, calibrate from boards, find the pose of each capture.
 
-Needs: expand/, the captures (checked against their .dvc file, where there is one). Makes: register/CAMERA.csv, .json.
+Needs: expand/, the captures (checked against their .dvc file, where there is one). Makes: register/CAMERA.csv, .json,
+register/CAMERA/files.csv (what the files say of themselves).
 """
 
 CALIBRATION = {
@@ -38,3 +39,24 @@ rule register_captures:
         "Checking and registering the captures of {wildcards.camera}"
     script:
         "../scripts/register_captures.py"
+
+
+rule describe_files:
+    input:
+        captures=f"{RESULTS}/expand/{{camera}}/captures.csv",
+        images=captures_of,
+        code=imports_of("describe_files.py"),
+    output:
+        table=f"{RESULTS}/register/{{camera}}/files.csv",
+    log:
+        f"{RESULTS}/logs/describe_files/{{camera}}.log",
+    conda:
+        "../envs/twingap.yaml"
+    params:
+        facts=camera_facts,
+        campaign=CAMPAIGN,
+        pins=locked("pillow", "pillow-heif"),
+    message:
+        "Reading what the files of {wildcards.camera} say of themselves"
+    script:
+        "../scripts/describe_files.py"

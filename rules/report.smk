@@ -9,9 +9,10 @@ Another notebook: a rule like those below, and its name in PAGES.
 
 PAGES = (
     ["overview"]
+    + (["photographs"] if CAMPAIGN and SOURCE.file.origin == "camera" else [])
     + (["tables", "figure3", "figure4"] if HAS_MARKERS else [])
     + (["diagnosis"] if DIAGNOSIS else [])
-    + (["before_after"] if HAS_MARKERS and CAMPAIGN else [])
+    + (["before_after"] if HAS_MARKERS and CAMPAIGN and not BOARD else [])
 )
 
 
@@ -31,7 +32,7 @@ rule run_overview:
         cells=f"{RESULTS}/aggregate/cells.parquet",
         table1=f"{RESULTS}/tables/table1.csv",
         notebook="notebooks/overview.ipynb",
-        template="scripts/page_template.html.j2",
+        template="scripts/reporting/page_template.html.j2",
         code=imports_of("run_notebook.py", "notebooks/overview.ipynb"),
     output:
         notebook=f"{RESULTS}/notebooks/overview.ipynb",
@@ -59,7 +60,7 @@ use rule run_overview as run_figure3 with:
         cells=f"{RESULTS}/aggregate/cells.parquet",
         table1=f"{RESULTS}/tables/table1.csv",
         notebook="notebooks/figure3.ipynb",
-        template="scripts/page_template.html.j2",
+        template="scripts/reporting/page_template.html.j2",
         code=imports_of("run_notebook.py", "notebooks/figure3.ipynb"),
     output:
         notebook=f"{RESULTS}/notebooks/figure3.ipynb",
@@ -68,6 +69,33 @@ use rule run_overview as run_figure3 with:
         f"{RESULTS}/logs/run_figure3.log",
     message:
         "Drawing where markers are found (Figure 3)"
+
+
+use rule run_figure3 as run_photographs with:
+    input:
+        expand(
+            f"{RESULTS}/expand/{{table}}.csv",
+            table=["markers", "cameras", "stations", "captures"],
+        ),
+        expand(
+            f"{RESULTS}/register/{{camera}}{{suffix}}",
+            camera=CAMERAS,
+            suffix=[".csv", ".json"],
+        ),
+        expand(f"{RESULTS}/register/{{camera}}/files.csv", camera=CAMERAS),
+        scene=f"{RESULTS}/expand/scene.json",
+        cells=f"{RESULTS}/aggregate/cells.parquet",
+        table1=f"{RESULTS}/tables/table1.csv",
+        notebook="notebooks/photographs.ipynb",
+        template="scripts/reporting/page_template.html.j2",
+        code=imports_of("run_notebook.py", "notebooks/photographs.ipynb"),
+    output:
+        notebook=f"{RESULTS}/notebooks/photographs.ipynb",
+        page=f"{RESULTS}/report/photographs.html",
+    log:
+        f"{RESULTS}/logs/run_photographs.log",
+    message:
+        "Telling what the photographs were taken with"
 
 
 use rule run_figure3 as run_figure4 with:
@@ -80,7 +108,7 @@ use rule run_figure3 as run_figure4 with:
         cells=f"{RESULTS}/aggregate/cells.parquet",
         table1=f"{RESULTS}/tables/table1.csv",
         notebook="notebooks/figure4.ipynb",
-        template="scripts/page_template.html.j2",
+        template="scripts/reporting/page_template.html.j2",
         code=imports_of("run_notebook.py", "notebooks/figure4.ipynb"),
     output:
         notebook=f"{RESULTS}/notebooks/figure4.ipynb",
@@ -100,7 +128,7 @@ use rule run_figure3 as run_tables with:
         ),
         headlines=f"{RESULTS}/tables/headlines.json",
         notebook="notebooks/tables.ipynb",
-        template="scripts/page_template.html.j2",
+        template="scripts/reporting/page_template.html.j2",
         code=imports_of("run_notebook.py", "notebooks/tables.ipynb"),
     output:
         notebook=f"{RESULTS}/notebooks/tables.ipynb",
@@ -115,7 +143,7 @@ use rule run_figure3 as run_diagnosis with:
     input:
         DIAGNOSIS,
         notebook="notebooks/diagnosis.ipynb",
-        template="scripts/page_template.html.j2",
+        template="scripts/reporting/page_template.html.j2",
         code=imports_of("run_notebook.py", "notebooks/diagnosis.ipynb"),
     output:
         notebook=f"{RESULTS}/notebooks/diagnosis.ipynb",
@@ -132,7 +160,7 @@ use rule run_figure3 as run_before_after with:
         expand(f"{RESULTS}/diagnosis/{{camera}}.json", camera=CAMERAS),
         expand(f"{RESULTS}/tables/{{table}}.csv", table=["before_after", "table1"]),
         notebook="notebooks/before_after.ipynb",
-        template="scripts/page_template.html.j2",
+        template="scripts/reporting/page_template.html.j2",
         code=imports_of("run_notebook.py", "notebooks/before_after.ipynb"),
     output:
         notebook=f"{RESULTS}/notebooks/before_after.ipynb",
@@ -181,8 +209,8 @@ rule build_report:
         # Empty where nothing is diagnosed, as in an experiment without photographs.
         diagnoses=[path for path in DIAGNOSIS if path.endswith(".json")],
         ladder=[path for path in DIAGNOSIS if path.endswith("ladder.csv")],
-        template="scripts/report_template.html.j2",
-        frame="scripts/page_template.html.j2",
+        template="scripts/reporting/report_template.html.j2",
+        frame="scripts/reporting/page_template.html.j2",
         code=imports_of("build_report.py"),
     output:
         page=f"{RESULTS}/report/index.html",
@@ -191,6 +219,7 @@ rule build_report:
     conda:
         "../envs/twingap.yaml"
     params:
+        explorer=[Path(path).name for path in EXPLORER],
         pins=locked("jinja2", "pandas"),
     message:
         "Joining the report"

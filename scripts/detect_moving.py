@@ -10,10 +10,10 @@ import pandera.pandas as pa
 import job
 from detect_markers import read_image
 from detectors import contract
+from inputs.tables import write_table
+from moving.config import load_moving
+from moving.truth import CORNERS, POSE
 from rig.errors import InputError
-from rig.moving_config import load_moving
-from rig.moving_truth import CORNERS, POSE
-from rig.tables import write_table
 
 log = logging.getLogger("twingap")
 

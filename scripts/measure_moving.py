@@ -4,10 +4,10 @@ import pandas as pd
 
 import job
 from detect_moving import DETECTIONS, TIMING
-from rig.moving_config import load_moving
-from rig.moving_metrics import CELL, latency, match_reports, summary
-from rig.moving_truth import TRUTH
-from rig.tables import read_table
+from inputs.tables import read_table
+from moving.config import load_moving
+from moving.metrics import CELL, latency, match_reports, summary
+from moving.truth import TRUTH
 
 CELLS = [*CELL, "in_frame", "hidden", "seen", "reported", "kept", "corner_px", "translation_mm", "rotation_deg"]
 

@@ -3,47 +3,30 @@
 import hashlib
 import json
 import logging
-from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pandas as pd
 from pydantic import ValidationError
 from tqdm import tqdm
 
 import job
-from rig import boards, calibration, tables
-from rig.campaign import Board, inside
+from inputs import tables
+from inputs.campaign import Board, inside
+from inputs.images import read_image
+from inputs.photo_facts import focal_px, photo_facts
+from inputs.safe_yaml import load_yaml, validation_message
+from register import calibration
+from register.board_checks import check_photographs, check_tilt
+from register.finders import board_finder, board_views, marker_finder, usable_views, views_of_markers
+from register.outcomes import register_board, register_markers
+from register.registration import prior_of
 from rig.errors import InputError
-from rig.geometry import camera_matrix, make_pose, project, split_pose
-from rig.images import read_image
-from rig.plates import aruco_dictionary, marker_corners_world
-from rig.registration import NO_PRIOR, pose_from_markers, pose_from_plane, prior_of, register_pose
-from rig.safe_yaml import load_yaml, validation_message
+from rig.geometry import camera_matrix, make_pose, split_pose
 
 log = logging.getLogger("twingap")
-INTRINSICS = ("fx", "fy", "cx", "cy")
-IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
+IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".heic", ".heif")
 MOST_MESSAGES = 5
-SECTORS_ARE_BETTER = 0.6  # the usual chessboard finder stays unless the other nearly halves the residual
-
-
-@dataclass
-class Markers:
-    """The rig's markers in one image: corners (n, 4, 3) in the world and (n, 4, 2) in pixels, sides (n,) in m."""
-
-    world: np.ndarray
-    pixels: np.ndarray
-    sides_m: np.ndarray
-
-    def __len__(self):
-        """Return the number of markers."""
-        return len(self.sides_m)
-
-    def select(self, which):
-        """Return some of the markers, by a bool array."""
-        return Markers(self.world[which], self.pixels[which], self.sides_m[which])
 
 
 def look_at_captures(campaign, captures, size, look):
@@ -72,42 +55,6 @@ def look_at_captures(campaign, captures, size, look):
     return hashes, seen
 
 
-def marker_finder(markers):
-    """Return a function of an image that returns the Markers of the rig's table seen in it (OpenCV, sub-pixel)."""
-    parameters = cv2.aruco.DetectorParameters()
-    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-    rigs = [
-        (cv2.aruco.ArucoDetector(aruco_dictionary(name), parameters), {m.id: m for m in rows.itertuples()})
-        for name, rows in markers.groupby("dictionary", sort=True)
-    ]
-
-    def find(image):
-        grey = boards.grey_8bit(image)
-        world, pixels, sides = [], [], []
-        for detector, known in rigs:
-            quads, ids, _ = detector.detectMarkers(grey)
-            for quad, marker in zip(quads, [] if ids is None else np.ravel(ids), strict=True):
-                if marker in known:
-                    world.append(marker_corners_world(known[marker]))
-                    pixels.append(quad.reshape(4, 2))
-                    sides.append(known[marker].code_m)
-        return Markers(np.reshape(world, (-1, 4, 3)), np.reshape(pixels, (-1, 4, 2)).astype(float), np.array(sides))
-
-    return find
-
-
-def board_finder(board):
-    """Return a function of an image that returns its BoardPoints by each finder: one, for a chessboard two."""
-
-    def find(image):
-        found = [boards.find_board(image, board)]
-        if board.type == "chessboard":
-            found.append(boards.find_chessboard_by_sectors(image, board))
-        return found
-
-    return find
-
-
 def nominal_poses(captures, stations):
     """Return {capture: T_cam_world}, None where the pose is unknown."""
     poses = {}
@@ -115,86 +62,6 @@ def nominal_poses(captures, stations):
         pose = stations.loc[c.station, tables.POSE].to_numpy(float)
         poses[c.capture] = make_pose(pose[:3], pose[3:]) if np.isfinite(pose).all() else None
     return poses
-
-
-def not_registered(nominal):
-    """Return the outcome of a capture without a detectable marker: the nominal pose, where there is one."""
-    return "no_markers", 0, np.nan, nominal, np.full(6, np.nan)
-
-
-def register_markers(seen, K, nominal, sigma):
-    """Return (status, n_markers, rms_px, T_cam_world, se) of one capture's Markers.
-
-    A marker whose corners lie more than its own side from where the pose has them is a wrong id and is left out.
-    """
-    start = nominal
-    if nominal is None and len(seen):
-        start, sigma = pose_from_markers(seen.world, seen.pixels, K, seen.sides_m), NO_PRIOR
-    if start is None or not len(seen):
-        return not_registered(nominal)
-    while len(seen):
-        T, se, rms = register_pose(seen.world.reshape(-1, 3), seen.pixels.reshape(-1, 2), K, start, sigma)
-        off_px = np.nan_to_num(np.linalg.norm(project(K, T, seen.world) - seen.pixels, axis=-1), nan=np.inf).mean(1)
-        side_px = np.linalg.norm(seen.pixels - np.roll(seen.pixels, 1, axis=1), axis=-1).max(1)
-        wrong = off_px > side_px
-        if not wrong.any():
-            return "registered", len(seen), rms, T, se
-        wrong &= off_px / side_px == (off_px / side_px).max()  # one at a time: it may have pulled the others off
-        seen = seen.select(~wrong)
-    return not_registered(nominal)
-
-
-def register_board(points, K, nominal, sigma):
-    """Return (status, n_markers, rms_px, T_cam_world, se) of one capture's BoardPoints; a chessboard's points count."""
-    if len(points.image) < boards.LEAST_POINTS:
-        return not_registered(nominal)
-    start = nominal
-    if nominal is None:
-        start, sigma = pose_from_plane(points.board, points.image, K), NO_PRIOR
-    T, se, rms = register_pose(points.board, points.image, K, start, sigma)
-    return "registered", points.markers or len(points.image), rms, T, se
-
-
-def usable_views(found):
-    """Return the BoardPoints of {name: BoardPoints} with enough points to be a view."""
-    return {k: v for k, v in found.items() if len(v.image) >= boards.LEAST_POINTS}
-
-
-def better_finder(found, size, messages):
-    """Return {name: BoardPoints} of the finder to trust, from {name: [BoardPoints by each finder]}.
-
-    The sector-based chessboard finder is taken where it sees as many boards and nearly halves the residual.
-    """
-    usual = {k: v[0] for k, v in found.items()}
-    sectors = {k: v[1] for k, v in found.items() if len(v) > 1}
-    views = [usable_views(f) for f in (usual, sectors)]
-    if len(views[1]) < max(len(views[0]), calibration.LEAST_VIEWS):
-        return usual
-    rms = [calibration.calibrate(v, size, calibration.MODELS["5"])["rms_px"] if v else np.inf for v in views]
-    if rms[1] >= SECTORS_ARE_BETTER * rms[0]:
-        return usual
-    messages.append(f"sector-based chessboard finder: residual {rms[1]:.3f} px instead of {rms[0]:.3f} px")
-    return sectors
-
-
-def board_views(found, board, size, images, where, messages):
-    """Return {name: BoardPoints} of the better finder; wrong colours are said, a wrong legacy flag raises InputError.
-
-    images  iterable over the images, opened again only where no board is found
-    where   file and key of the board's description, for messages
-    """
-    points = better_finder(found, size, messages)
-    views = usable_views(points)
-    if not views:
-        boards.check_legacy_pattern(images, board, where)
-        messages.append(f"{where}: no image shows the board")
-    inverted = sum(v.inverted for v in views.values())
-    if inverted:
-        messages.append(
-            f"{where}: black and white are swapped in {inverted} of {len(views)} images, whichever way the board is "
-            "turned; geometry is not touched by it, but the twin's board looks inverted"
-        )
-    return points
 
 
 def read_board(path):
@@ -222,27 +89,16 @@ def calibration_views(campaign, camera, size, messages):
     return usable_views(board_views(found, board, size, images, str(where), messages))
 
 
-def guess(size):
-    """Return plain intrinsics with which a coverage of 0 can be reported: nothing is known, nothing can be fitted."""
-    return [float(max(size))] * 2 + [(size[0] - 1) / 2, (size[1] - 1) / 2]
+def opener(campaign, captures):
+    """Return a function of a capture's name that returns its image."""
+    images = dict(zip(captures.capture, captures.image, strict=True))
+    return lambda capture: read_image(Path(campaign) / images[capture])
 
 
-def ideal_intrinsics(views, boards_of_folder, size, messages):
-    """Return (fx, fy, cx, cy) of the ideal twin where nothing is known, from the captures or else the calibration."""
-    for source in (views, boards_of_folder):
-        if len(source) >= calibration.LEAST_VIEWS:
-            fit = calibration.ideal_pinhole(source, size)
-            messages.append(f"ideal pinhole fitted to {len(source)} images: residual {fit['rms_px']:.3f} px")
-            return [fit["parameters"][k] for k in INTRINSICS]
-    messages.append(f"intrinsics unknown and fewer than {calibration.LEAST_VIEWS} images to fit them: a guess is used")
-    return guess(size)
-
-
-def views_of_markers(seen):
-    """Return {capture: BoardPoints} of {capture: Markers}, for the fit of unknown intrinsics."""
-    return usable_views(
-        {k: boards.BoardPoints(m.world.reshape(-1, 3), m.pixels.reshape(-1, 2), len(m)) for k, m in seen.items()}
-    )
+def exif_focal_px(campaign, captures, size):
+    """Return the focal length in pixels by the EXIF of a camera's first photograph, None where it says nothing."""
+    focal_35mm = photo_facts(Path(campaign) / captures.image.iloc[0])["focal_35mm"]
+    return focal_px(focal_35mm, size) if focal_35mm else None
 
 
 def register_captures(expand, campaign, camera, out_csv, out_json):
@@ -255,7 +111,7 @@ def register_captures(expand, campaign, camera, out_csv, out_json):
     facts = json.loads((expand / "scene.json").read_text())
     row = tables.read_table(expand / "cameras.csv", tables.CAMERAS).set_index("camera").loc[camera]
     size = int(row.width), int(row.height)
-    known = None if np.isnan(row.fx) else [float(row[k]) for k in INTRINSICS]
+    known = None if np.isnan(row.fx) else [float(row[k]) for k in calibration.INTRINSICS]
     captures = tables.read_table(expand / "captures.csv", tables.CAPTURES)
     captures = captures[captures.camera == camera].sort_values("capture")
     stations = tables.read_table(expand / "stations.csv", tables.STATIONS)
@@ -267,24 +123,33 @@ def register_captures(expand, campaign, camera, out_csv, out_json):
             board = Board.model_validate(facts["target"])
             hashes, found = look_at_captures(campaign, captures, size, board_finder(board))
             images = (read_image(Path(campaign) / c.image) for c in captures.itertuples())
-            seen = board_views(found, board, size, images, f"{campaign}/campaign.yaml: target", messages)
+            where = f"{campaign}/campaign.yaml: target"
+            seen = board_views(found, board, size, images, where, messages)
+            check_photographs(seen, board, opener(campaign, captures), where)
             views, register = usable_views(seen), register_board
         else:
             markers = tables.read_table(expand / "markers.csv", tables.MARKERS)
             hashes, seen = look_at_captures(campaign, captures, size, marker_finder(markers))
             views, register = views_of_markers(seen), register_markers
         fits = calibration.calibrate_all(folder_views or (views if facts["target"] else {}), size)
-        known = known or ideal_intrinsics(views, folder_views, size, messages)
+        if known is None and facts["target"] and not folder_views:
+            where = f"{campaign}/campaign.yaml: cameras.{camera}"
+            check_tilt(views, fits["5"], where, exif_focal_px(campaign, captures, size))
+        known = known or calibration.ideal_intrinsics(views, folder_views, size, messages)
         K, sigma = camera_matrix(*known), prior_of(facts["tolerance"])
         outcomes = {c: register(seen[c], K, nominal[c], sigma) for c in captures.capture}
-    known = known or guess(size)
+    known = known or calibration.guess(size)
     count = sum(outcome[0] == "registered" for outcome in outcomes.values())
     if count < len(captures):
         messages.append(f"{len(captures) - count} of {len(captures)} captures show no marker or board")
     for message in messages:
         log.info("%s: %s", camera, message)
     _write(captures, hashes, outcomes, out_csv)
-    record = dict(zip(INTRINSICS, known, strict=True)) | {"calibrations": fits, "views": count, "messages": messages}
+    record = dict(zip(calibration.INTRINSICS, known, strict=True)) | {
+        "calibrations": fits,
+        "views": count,
+        "messages": messages,
+    }
     with job.write_atomically(out_json) as file:
         json.dump(record, file, indent=1, sort_keys=True)
 

@@ -20,10 +20,10 @@ from tqdm import tqdm
 import job
 from effects import pipeline
 from effects.base import Scene, View
-from rig import render_store
+from inputs import render_store
+from moving.config import load_moving
+from moving.truth import occluder_x_m, trajectory_of
 from rig.errors import InputError
-from rig.moving_config import load_moving
-from rig.moving_truth import occluder_x_m, trajectory_of
 from rig.plates import marker_plate
 
 log = logging.getLogger("twingap")

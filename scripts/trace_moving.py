@@ -5,9 +5,9 @@ from pathlib import Path
 import pandas as pd
 
 import job
-from rig.moving_config import load_moving
-from rig.moving_truth import TRUTH, truth_table
-from rig.tables import MARKERS, write_table
+from inputs.tables import MARKERS, write_table
+from moving.config import load_moving
+from moving.truth import TRUTH, truth_table
 
 
 def trace_moving(experiment, truth, markers):

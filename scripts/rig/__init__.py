@@ -1,4 +1,4 @@
-"""The rig, its cameras and campaigns: geometry and tables, without Blender and without images' contents."""
+"""The rig and its cameras: geometry, plates and words, without files, Blender and images' contents."""
 
 import os
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from moving.config import load_moving
 from rig.errors import InputError
-from rig.moving_config import load_moving
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 REST = "{kind: at_rest, camera_m: [0, -1, 0.5], look_at_m: [0, 0, 0.3]}"

@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rig.moving_metrics import dropouts, first_seen_frames, jitter_at_rest, match_reports, occlusions, summary
-from rig.moving_truth import CORNERS, POSE, TRUTH
+from moving.metrics import dropouts, first_seen_frames, jitter_at_rest, match_reports, occlusions, summary
+from moving.truth import CORNERS, POSE, TRUTH
 
 SQUARE = np.array([[0, 0], [40, 0], [40, 40], [0, 40]], float)
 FRAMES = 20

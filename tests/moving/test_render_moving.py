@@ -10,11 +10,11 @@ from detect_moving import detect_moving
 from detectors.contract import make
 from draw_moving import draw_moving
 from measure_moving import measure_moving
+from moving.config import load_moving
+from moving.trajectories import project_rolling
+from moving.truth import CORNERS
 from render_moving import render_moving
-from rig.moving_config import load_moving
-from rig.moving_truth import CORNERS
 from rig.plates import marker_corners_world
-from rig.trajectories import project_rolling
 from trace_moving import trace_moving
 
 FILE = """
@@ -85,7 +85,7 @@ def test_corners_are_seen_where_the_truth_of_their_row_says(run):
 
 def test_the_truth_of_a_global_shutter_would_be_wrong_here(run):
     """Otherwise the test above could not tell whether rows are read one after the other."""
-    from rig.moving_truth import trajectory_of
+    from moving.truth import trajectory_of
 
     experiment, folder = run
     moving = load_moving(experiment)

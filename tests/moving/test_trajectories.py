@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from moving.trajectories import look_at, make_trajectory, pose_of, project_rolling, row_delay
 from rig.geometry import camera_matrix, project
-from rig.trajectories import look_at, make_trajectory, pose_of, project_rolling, row_delay
 
 K = camera_matrix(550, 550, 319.5, 179.5)
 ROWS = 360

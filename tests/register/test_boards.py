@@ -4,13 +4,14 @@ import cv2
 import numpy as np
 import pytest
 
-from rig import boards
-from rig.campaign import Board
+from inputs.campaign import Board
+from inputs.images import read_image
+from register import boards
+from register.registration import pose_from_plane, register_pose
+from rig.board_markers import charuco_board
 from rig.errors import InputError
 from rig.geometry import camera_matrix, project, station_pose
-from rig.images import read_image
-from rig.registration import pose_from_plane, register_pose
-from rig.scene import target_plate
+from rig.targets import target_plate
 from shared_files import shared
 
 K = camera_matrix(900, 900, 399.5, 299.5)
@@ -101,7 +102,7 @@ def test_charuco_corners_have_no_half_pixel():
     """
     side = 40
     board = Board(type="charuco", dictionary="DICT_5X5_1000", columns=7, rows=6, square_m=0.04, marker_m=0.03)
-    drawn = boards.charuco_board(board).generateImage((7 * side, 6 * side))
+    drawn = charuco_board(board).generateImage((7 * side, 6 * side))
     image = cv2.copyMakeBorder(drawn, 30, 30, 30, 30, cv2.BORDER_CONSTANT, value=255)
     found = boards.find_board(image, board)
     # square k of the drawing spans the pixels 30 + 40 k to 69 + 40 k: its edge lies half a pixel before the first

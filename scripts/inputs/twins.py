@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from effects import library, pipeline
+from inputs.safe_yaml import load_yaml
 from rig.errors import InputError
-from rig.safe_yaml import load_yaml
 
 FIT = "fit"
 KNOWN_KEYS = ("extends", "effects")

@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from rig.campaign import Board
+from inputs.campaign import Board
 from rig.plates import aruco_dictionary
-from rig.scene import target_plate
+from rig.targets import target_plate
 
 PIXELS = 70  # a square; divisible by the modules of a 5 x 5 code
 

@@ -5,13 +5,15 @@ import zlib
 
 import cv2
 import numpy as np
+import pillow_heif
 import pytest
 from PIL import Image
 
 import detect_markers
-from rig.campaign import load_campaign
+from inputs.campaign import load_campaign
+from inputs.images import check_captures, read_header, read_image
 from rig.errors import InputError
-from rig.images import check_captures, read_header, read_image
+from shared_files import shared
 from tiny_campaign import lay_down
 
 ORIENTATION = 0x0112  # EXIF's tag
@@ -114,6 +116,59 @@ def test_exifs_orientation_turns_nothing(tmp_path, name):
     assert (detect_markers.read_image(path) == read_image(path)).all()
 
 
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_a_heic_photograph_lies_along_the_sensors_axes(tmp_path, orientation):
+    """Fails if pixels come as libheif turns them: a photograph held upright would be another camera's."""
+    path, smooth = tmp_path / "a.heic", cv2.resize(COLOUR[:6, :8], (80, 60), interpolation=cv2.INTER_NEAREST)
+    exif = Image.Exif()
+    exif[ORIENTATION] = orientation
+    pillow_heif.from_pillow(Image.fromarray(smooth[..., ::-1])).save(path, exif=exif.tobytes(), quality=95, chroma=444)
+    assert read_header(path) == (80, 60, 8, 3)
+    image = read_image(path, (80, 60))
+    assert image.shape == (60, 80, 3) and np.abs(image.astype(int) - smooth).mean() < 2
+    assert (detect_markers.read_image(path) == image).all()
+
+
+@pytest.mark.parametrize("depth", [8, 16])
+def test_a_grey_heic_stays_grey_and_keeps_its_depth(tmp_path, depth):
+    """Fails if a deep photograph loses its bits, or if 10 bits are taken for full scale 1023."""
+    mode, levels = {8: ("L", COLOUR[..., 0]), 16: ("L;16", COLOUR[..., 0].astype(np.uint16) * 257)}[depth]
+    pillow_heif.from_bytes(mode, (80, 60), levels.tobytes()).save(tmp_path / "a.heic", quality=-1)
+    assert read_header(tmp_path / "a.heic") == (80, 60, depth, 1)
+    image = read_image(tmp_path / "a.heic")
+    assert image.dtype == levels.dtype and image.shape == (60, 80)
+    assert np.abs(image.astype(int) - levels).max() <= (1 if depth == 8 else 64)
+
+
+@pytest.mark.parametrize("share", [0.02, 0.3, 0.99])
+def test_a_truncated_heic_is_refused(tmp_path, share):
+    """Fails if a photograph that was cut off on its way from the phone is measured, or ends in a traceback."""
+    path = tmp_path / "a.heic"
+    pillow_heif.from_pillow(Image.fromarray(COLOUR)).save(path)
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(InputError, match="a.heic: .*(broken|cut off|truncated|not a PNG)"):
+        read_image(path)
+
+
+@pytest.mark.parametrize("name", ["a.avi", "a.mp4"])
+def test_a_video_is_called_one(tmp_path, name):
+    """Fails if what a phone's folder has among its photographs is called a broken image."""
+    code = cv2.VideoWriter.fourcc(*{"a.avi": "MJPG", "a.mp4": "mp4v"}[name])
+    video = cv2.VideoWriter(str(tmp_path / name), code, 5, (80, 60))
+    video.write(COLOUR)
+    video.release()
+    (tmp_path / name).rename(tmp_path / "a.jpg")
+    with pytest.raises(InputError, match="a.jpg: a video, and photographs are needed"):
+        read_header(tmp_path / "a.jpg")
+
+
+def test_a_real_video_is_called_one():
+    """Fails if only videos that OpenCV wrote are known."""
+    with pytest.raises(InputError, match="testcalibration.mp4: a video"):
+        read_header(shared("real/charuco5x5_wpical_1080p/testcalibration.mp4"))
+
+
 def test_a_turned_tiff_is_refused(tmp_path):
     """OpenCV turns TIFFs even when told not to."""
     path = tmp_path / "a.tif"
@@ -157,7 +212,7 @@ def test_formats_that_campaigns_do_not_have_are_left_to_opencv(tmp_path):
     path = tmp_path / "a.bmp"
     cv2.imwrite(str(path), COLOUR)
     assert (detect_markers.read_image(path) == COLOUR).all()
-    with pytest.raises(InputError, match="not a PNG, JPEG or TIFF"):
+    with pytest.raises(InputError, match="not a PNG, JPEG, TIFF or HEIC"):
         read_image(path)
 
 
@@ -184,4 +239,16 @@ def test_a_campaign_with_a_bad_capture_is_refused_from_its_first_and_last_bytes(
     path = campaign.folder / "images/right/a.png"
     path.write_bytes(content(path.read_bytes()))
     with pytest.raises(InputError, match=f"captures.csv, capture right_a, column image: .*{words}"):
+        check_captures(campaign)
+
+
+def test_sizes_that_differ_within_a_camera_are_counted(tmp_path):
+    """Fails if the user is sent from one photograph to the next, or told to change the camera's size for one of them."""
+    campaign = load_campaign(lay_down(tmp_path / "c"))
+    for name in "ab":
+        cv2.imwrite(str(campaign.folder / f"images/left/{name}.png"), np.zeros((64, 48 + (name == "b")), np.uint8))
+    with pytest.raises(InputError, match=r"left_a.*48 x 64 pixels.*sizes 48 x 64 \(1\), 49 x 64 \(1\): take those"):
+        check_captures(campaign)
+    cv2.imwrite(str(campaign.folder / "images/left/b.png"), np.zeros((64, 48), np.uint8))
+    with pytest.raises(InputError, match="all images of this camera are 48 x 64: write that as its width and height"):
         check_captures(campaign)

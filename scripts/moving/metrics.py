@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
-from rig.moving_truth import CORNERS, POSE
+from moving.truth import CORNERS, POSE
 
 MARKER = ["dictionary", "id"]
 CELL = ["trajectory", "frame", *MARKER]

@@ -5,11 +5,11 @@ import math
 import pytest
 
 from expand_tables import facts_of
-from rig.campaign import load_campaign
+from inputs.campaign import load_campaign
+from register.registration import prior_of
 from rig.errors import InputError
-from rig.registration import prior_of
 from shared_files import SHARED, shared
-from tiny_campaign import CAPTURES, MARKERS, lay_down
+from tiny_campaign import CAPTURES, MARKERS, board, lay_down
 
 
 def test_a_good_campaign_is_read_as_it_stands(tmp_path):
@@ -100,6 +100,16 @@ def test_a_link_out_of_the_campaign_is_refused(tmp_path):
         (lambda d: d.update(captures="../captures.csv"), ["captures", "inside"]),
         (lambda d: d.update(target={"type": "chessboard", "columns": 9, "rows": 6}), ["square_m"]),
         (lambda d: d["reflectance"].update(white=0.01), ["reflectance", "white"]),
+        (lambda d: d["reflectance"].update(grey=0.2), ["reflectance.grey", "unknown key", "ground"]),
+        (lambda d: d.update(reflectance="auto"), ["reflectance", "'auto'", "white", "unknown"]),
+        (lambda d: d.update(reflectance=0.8), ["reflectance", "'0.8'", "white", "unknown"]),
+        (lambda d: d.update(exposure="unknown"), ["exposure", "'unknown'", "number", "auto"]),
+        (lambda d: d.update(exposure=-1), ["exposure", "'-1'", "greater than 0"]),
+        (lambda d: d.update(exposure=True), ["exposure", "'True'", "number", "auto"]),
+        (lambda d: d.update(exposure=None), ["exposure", "'None'", "number", "auto"]),
+        (lambda d: d.update(light="lamp"), ["light", "'lamp'", "even", "unknown"]),
+        (lambda d: d.update(light=["unknown"]), ["light", "even", "unknown"]),
+        (lambda d: d.update(white_balance=5500), ["white_balance", "'5500'", "neutral", "auto"]),
         (lambda d: d.update(tolerance="good"), ["tolerance", "'good'", "position_m", "exact", "unknown"]),
         (lambda d: d["tolerance"].update(angle_deg=-1), ["tolerance.angle_deg", "'-1'"]),
         (lambda d: d["tolerance"].pop("angle_deg"), ["tolerance.angle_deg", "required"]),
@@ -147,6 +157,46 @@ def test_poses_without_a_station_need_no_tolerance(tmp_path):
     assert (prior_of(facts_of(load_campaign(campaign).file)["tolerance"]) == math.inf).all()
 
 
+OPEN_WORDS = {"light": "unknown", "exposure": "auto", "white_balance": "auto", "reflectance": "unknown"}
+
+
+def facts(folder, describe):
+    """Return what scene.json would hold of the tiny campaign, changed."""
+    return facts_of(load_campaign(lay_down(folder, describe=describe)).file)
+
+
+@pytest.mark.parametrize("key", OPEN_WORDS)
+def test_each_thing_is_left_open_by_itself(tmp_path, key):
+    """Fails if one word opens another thing as well, or if a twin is left without a value to render with."""
+    found = facts(tmp_path / "c", lambda d: d.update({key: OPEN_WORDS[key]}))
+    assert found["left_open"] == [key]
+    assert found["exposure"] == 1.0 and found["light"] == "even" and found["white_balance"] == "neutral"
+    assert found["reflectance"] == {"white": 0.8, "black": 0.05, "ground": 0.35, "background": 0.3}
+
+
+def test_what_is_declared_is_not_left_open(tmp_path):
+    """Fails if a rig of markers, which says nothing of light, is taken for photographs in any light."""
+    found = facts(tmp_path / "c", lambda d: d.update(exposure=2, reflectance={"white": 0.9}))
+    assert found["left_open"] == [] and found["exposure"] == 2 and found["reflectance"]["white"] == 0.9
+
+
+def test_photographs_of_a_board_leave_all_open_but_what_is_declared(tmp_path):
+    """Fails if a board photographed at home is taken to be under the nominal light, or if a declaration is lost."""
+
+    def describe(data):
+        board(data)
+        del data["reflectance"], data["exposure"]
+
+    assert facts(tmp_path / "all", describe)["left_open"] == list(OPEN_WORDS)
+
+    def declared(data):
+        describe(data)
+        data |= {"light": "even", "exposure": 1.5}
+
+    found = facts(tmp_path / "some", declared)
+    assert found["left_open"] == ["white_balance", "reflectance"] and found["exposure"] == 1.5
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -183,7 +233,7 @@ def test_numbers_with_an_exponent_are_numbers(tmp_path):
 
 
 def test_a_board_with_more_markers_than_its_dictionary_is_refused(tmp_path):
-    def board(data):
+    def large(data):
         del data["markers"]
         data["target"] = {
             "type": "aruco_grid",
@@ -195,7 +245,7 @@ def test_a_board_with_more_markers_than_its_dictionary_is_refused(tmp_path):
         }
 
     with pytest.raises(InputError, match="needs 64 markers; DICT_4X4_50 has 50"):
-        load_campaign(lay_down(tmp_path / "c", describe=board))
+        load_campaign(lay_down(tmp_path / "c", describe=large))
 
 
 def test_every_campaign_at_hand_is_accepted():

@@ -1,8 +1,10 @@
 """Open images from strangers: size and completeness are checked before anything is decoded."""
 
+import contextlib
 import struct
 import warnings
 import zlib
+from collections import Counter
 from pathlib import Path
 
 import cv2
@@ -10,6 +12,7 @@ import numpy as np
 from PIL.ExifTags import Base
 from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
+from inputs import heic
 from rig.errors import InputError
 
 LARGEST_PIXELS = 100_000_000
@@ -17,13 +20,23 @@ UNPACKED_AT_ONCE = 1 << 20
 PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 PNG_START = b"\x89PNG\r\n\x1a\n"
 PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # samples a pixel by colour type; a palette's index is one
+VIDEO_BOXES = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip")
+VIDEO_STARTS = (b"\x1aE\xdf\xa3", b"\0\0\x01\xba", b"\0\0\x01\xb3")
 HOW = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
 
 
-def read_header(path):
-    """Return (width, height, bits, channels) from the header of a PNG, JPEG or TIFF, nothing decoded.
+class OtherSize(InputError):
+    """An image whose ``size`` (width, height) is not its camera's."""
 
-    Raises InputError for other files and for broken headers.
+    def __init__(self, path, size, declared):
+        super().__init__(f"{path}: {size[0]} x {size[1]} pixels, but its camera has {declared[0]} x {declared[1]}")
+        self.size = size
+
+
+def read_header(path):
+    """Return (width, height, bits, channels) from the header of a PNG, JPEG, TIFF or HEIC, nothing decoded.
+
+    Along the sensor's axes, however the file says it was held. Raises InputError for other files and for broken headers.
     """
     path = Path(path)
     if not path.is_file():
@@ -40,7 +53,20 @@ def read_header(path):
                 return _tiff_header(path, file)
         except (struct.error, LookupError, TypeError, SyntaxError):
             raise InputError(f"{path}: its header is broken or cut off") from None
-    raise InputError(f"{path}: not a PNG, JPEG or TIFF image")
+    if heic.is_heic(head):
+        return heic.header_of(path)
+    if is_video(head):
+        raise InputError(
+            f"{path}: a video, and photographs are needed; save some sharp frames of it as PNG, such as by "
+            "`ffmpeg -i VIDEO -vf fps=1 frame_%03d.png`"
+        )
+    raise InputError(f"{path}: not a PNG, JPEG, TIFF or HEIC image")
+
+
+def is_video(head):
+    """Return whether the first 32 bytes of a file, which is no HEIC, are those of a video: MP4, MOV, AVI, MKV, WebM, MPEG."""
+    in_boxes = head[4:8] in VIDEO_BOXES and head[8:12] != b"avif"
+    return in_boxes or head[:4] in VIDEO_STARTS or (head[:4] == b"RIFF" and head[8:12] == b"AVI ")
 
 
 def _jpeg_header(file):
@@ -134,14 +160,14 @@ def check_header(path, size=None):
     if width * height > LARGEST_PIXELS or width < 1 or height < 1:
         raise InputError(f"{path}: {width} x {height} pixels; at most {LARGEST_PIXELS:,} pixels are read")
     if size is not None and (width, height) != tuple(size):
-        raise InputError(f"{path}: {width} x {height} pixels, but its camera has {size[0]} x {size[1]}")
+        raise OtherSize(path, (width, height), size)
     if bits not in (1, 2, 4, 8, 16):
         raise InputError(f"{path}: {bits} bits a channel; 8 or 16 are read")
     return width, height
 
 
 def check_captures(campaign):
-    """Raise InputError for the first capture of a rig.campaign.Campaign whose header or end is wrong.
+    """Raise InputError for the first capture of an inputs.campaign.Campaign whose header or end is wrong.
 
     Cheap enough for every start: a failing job would take its earlier results away. All pixels are checked when they
     are read.
@@ -154,14 +180,34 @@ def check_captures(campaign):
             check_header(path, (camera.width, camera.height))
             if not _ends_well(path):
                 check_complete(path, path.read_bytes())
+        except OtherSize as error:
+            mine = campaign.captures[campaign.captures.camera == c.camera]
+            advice = advice_on_sizes([campaign.folder / image for image in mine.image], error.size)
+            raise InputError(f"{table}, capture {c.capture}, column image: {error}; {advice}") from None
         except InputError as error:
             raise InputError(f"{table}, capture {c.capture}, column image: {error}") from None
 
 
+def advice_on_sizes(paths, found):
+    """Return what to do about a camera's images at ``paths``, one of which has the size ``found`` and not the declared one."""
+    sizes = Counter()
+    for path in paths:
+        with contextlib.suppress(InputError):  # what is no image is said when its turn comes
+            sizes[read_header(path)[:2]] += 1
+    if len(sizes) == 1:
+        return f"all images of this camera are {found[0]} x {found[1]}: write that as its width and height in campaign.yaml"
+    listed = ", ".join(f"{width} x {height} ({count})" for (width, height), count in sizes.most_common())
+    return (
+        f"this camera's images have the sizes {listed}: take those of one size, neither cropped, scaled nor turned by a "
+        "program, and describe others as another camera's"
+    )
+
+
 def _ends_well(path):
-    """Return whether a file's last bytes are the end of a PNG or JPEG: it was not cut off. A TIFF has no end to see."""
+    """Return whether a file's last bytes are the end of a PNG or JPEG: it was not cut off. Others have no end to see."""
     with open(path, "rb") as file:
-        if file.read(2) in (b"II", b"MM"):
+        head = file.read(32)
+        if head[:2] in (b"II", b"MM") or heic.is_heic(head):
             return True
         file.seek(max(path.stat().st_size - 64, 0))
         tail = file.read()
@@ -169,15 +215,15 @@ def _ends_well(path):
 
 
 def read_image(path, size=None):
-    """Return the pixels of an image as OpenCV gives them: uint8 or uint16, (H, W) where grey, else (H, W, 3) BGR.
+    """Return the pixels of an image as OpenCV has them: uint8 or uint16, (H, W) where grey, else (H, W, 3) BGR.
 
-    size (width, height) that is declared for it. As the sensor saw it: EXIF's orientation is not applied. Raises
-    InputError for another size, other depths than 8 and 16 bits, too many pixels, truncation, nothing decoded.
+    size (width, height) that is declared for it. As the sensor saw it: no note of how the camera was held is applied.
+    Raises InputError for another size, other depths than 8 and 16 bits, too many pixels, truncation, nothing decoded.
     """
     width, height = check_header(path, size)
     data = Path(path).read_bytes()
     check_complete(path, data)
-    image = decode(path, data)
+    image = heic.decode(path) if heic.is_heic(data[:32]) else decode(path, data)
     if image.shape[:2] != (height, width):
         raise InputError(f"{path}: the image can't be decoded")
     return image
@@ -195,7 +241,8 @@ def decode(path, data):
 
 
 def is_checked(path):
-    """Return whether a file begins as the formats whose headers are read here do: PNG, JPEG, TIFF."""
+    """Return whether a file begins as the formats whose headers are read here do: PNG, JPEG, TIFF, HEIC."""
     with open(path, "rb") as file:
-        head = file.read(8)
-    return head == PNG_START or head[:2] == b"\xff\xd8" or head[:4] in (b"II*\0", b"MM\0*")
+        head = file.read(32)
+    known = head[:8] == PNG_START or head[:2] == b"\xff\xd8" or head[:4] in (b"II*\0", b"MM\0*")
+    return known or heic.is_heic(head)

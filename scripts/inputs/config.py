@@ -9,8 +9,8 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from ruamel.yaml.error import YAMLError
 
+from inputs.safe_yaml import reader, validation_message
 from rig.errors import InputError
-from rig.safe_yaml import reader, validation_message
 
 
 def _null(value):
@@ -86,6 +86,17 @@ class Diagnose(Settings):
     )
 
 
+class Explore(Settings):
+    """The page to explore."""
+
+    captures: int = Field(
+        9,
+        ge=0,
+        le=1_000_000,
+        description="captures of a camera that are shown with every twin of the ladder at full size, some 0.5 s and 1.3 MB each",
+    )
+
+
 class BlindTrials(Settings):
     """Campaigns with a hidden effect, for `snakemake blind_trials`: how many of each kind (docs/blind-trials.md)."""
 
@@ -117,6 +128,7 @@ class Config(Settings):
     render: Render = Field(default_factory=Render, description="how Blender renders")
     aggregate: Aggregate = Field(default_factory=Aggregate, description="how detections are counted")
     diagnose: Diagnose = Field(default_factory=Diagnose, description="how the missing effect is searched")
+    explore: Explore = Field(default_factory=Explore, description="the page to explore, report/explore.html")
     blind_trials: BlindTrials = Field(default_factory=BlindTrials, description="how the search itself is put to trial")
 
 

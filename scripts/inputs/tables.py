@@ -54,6 +54,16 @@ REGISTERED = pa.DataFrameSchema(
     strict=True,
     unique=["capture"],
 )
+FILES = pa.DataFrameSchema(
+    _columns(TEXT, ["capture"])
+    | _columns(TEXT, ["format", "make", "model"], nullable=True)
+    | _columns("Int64", ["orientation"], nullable=True)
+    | _columns(REAL, ["exposure_s", "iso", "f_number", "focal_mm", "focal_35mm"], nullable=True)
+    | _columns("Int64", ["jpeg_quality"], nullable=True)
+    | _columns(TEXT, ["jpeg_tables", "jpeg_sampling", "jpeg_brightness", "jpeg_colour", "notes"], nullable=True),
+    strict=True,
+    unique=["capture"],
+)
 CORNERS = ["x0", "y0", "x1", "y1", "x2", "y2", "x3", "y3"]
 ALTERNATIVE = [f"{name}_alt" for name in POSE]
 DETECTIONS = pa.DataFrameSchema(

@@ -5,9 +5,9 @@ import numpy as np
 import pandas as pd
 import pandera.pandas as pa
 
+from moving.trajectories import make_trajectory, project_rolling, row_delay
 from rig.geometry import make_pose, project, split_pose, transform
 from rig.plates import marker_corners_plate
-from rig.trajectories import make_trajectory, project_rolling, row_delay
 
 CORNERS = [f"{axis}{k}" for k in range(4) for axis in "xy"]
 POSE = ["rx", "ry", "rz", "tx", "ty", "tz"]

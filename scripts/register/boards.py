@@ -1,7 +1,7 @@
 """Find a calibration board's points in a photograph; board frame: x right, y up, z out of the paper, in metres.
 
 The origin is the lower left corner of the squares (of the lower left marker for a grid), which is the frame of
-rig.scene.target_plate; OpenCV's boards have y down from the top left corner. Only the order of points is turned:
+rig.targets.target_plate; OpenCV's boards have y down from the top left corner. Only the order of points is turned:
 OpenCV's pixel convention (centre of the top-left pixel at (0, 0)) is ours.
 """
 
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from rig.board_markers import charuco_board
 from rig.errors import InputError
 from rig.plates import aruco_dictionary
 
@@ -54,19 +55,11 @@ def grey_8bit(image):
     return (grey // 257).astype(np.uint8) if grey.dtype == np.uint16 else grey
 
 
-def _aruco_detector(dictionary):
+def aruco_detector(dictionary):
+    """Return OpenCV's detector of a dictionary's markers, corners to a fraction of a pixel."""
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
     return cv2.aruco.ArucoDetector(aruco_dictionary(dictionary), parameters)
-
-
-def charuco_board(board):
-    """Return OpenCV's CharucoBoard of a board's description."""
-    made = cv2.aruco.CharucoBoard(
-        (board.columns, board.rows), board.square_m, board.marker_m, aruco_dictionary(board.dictionary)
-    )
-    made.setLegacyPattern(board.legacy_pattern)
-    return made
 
 
 def _find_charuco(grey, board):
@@ -134,7 +127,7 @@ def find_chessboard_by_sectors(image, board):
 
 
 def _find_grid(grey, board):
-    corners, ids, _ = _aruco_detector(board.dictionary).detectMarkers(grey)
+    corners, ids, _ = aruco_detector(board.dictionary).detectMarkers(grey)
     pitch, side = board.marker_m + board.gap_m, board.marker_m
     height = board.rows * pitch - board.gap_m
     points, pixels = [], []

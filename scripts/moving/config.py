@@ -11,11 +11,11 @@ import numpy as np
 import pandas as pd
 from pydantic import Field, ValidationError, model_validator
 
-from rig.campaign import NAME, Reflectance, Strict, inside, is_name
+from inputs.campaign import NAME, Reflectance, Strict, inside, is_name
+from inputs.experiment import CameraSheet, rig_markers
+from inputs.safe_yaml import load_yaml, validation_message
 from rig.errors import InputError
-from rig.experiment import CameraSheet, rig_markers
 from rig.geometry import camera_matrix
-from rig.safe_yaml import load_yaml, validation_message
 
 Place = Annotated[list[Annotated[float, Field(ge=-100, le=100)]], Field(min_length=3, max_length=3)]
 

@@ -13,11 +13,11 @@ import numpy as np
 import pandas as pd
 from pydantic import Field, ValidationError, model_validator
 
-from rig.campaign import LARGEST_PX, NAME, POSE, NominalCamera, Reflectance, Strict, inside, is_name, place_name
+from inputs.campaign import LARGEST_PX, NAME, POSE, NominalCamera, Reflectance, Strict, inside, is_name, place_name
+from inputs.safe_yaml import load_yaml, validation_message
 from rig.errors import InputError
 from rig.geometry import split_pose, station_pose
 from rig.plates import aruco_dictionary
-from rig.safe_yaml import load_yaml, validation_message
 
 FOV_AGREES = 0.02  # stated field of view and focal length may differ by this share
 
@@ -174,16 +174,23 @@ class _Facts:
     reflectance: Reflectance
     noise_dn: float
     origin: str = "simulated"
+    light: str = "even"
     exposure: float = 1.0
+    white_balance: str = "neutral"
+    left_open: tuple = ()
     encoding: str = "srgb"
     tolerance: None = None
     target: None = None
     markers: str = "markers.csv"
 
+    def assumed(self, key):
+        """Return light, exposure, white_balance or reflectance: a design declares all of them."""
+        return getattr(self, key)
+
 
 @dataclass(frozen=True)
 class DesignedCampaign:
-    """What rig.campaign.Campaign is for measurements: ``captures`` has one row a station."""
+    """What inputs.campaign.Campaign is for measurements: ``captures`` has one row a station."""
 
     file: _Facts
     markers: pd.DataFrame

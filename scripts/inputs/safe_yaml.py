@@ -43,22 +43,29 @@ def load_yaml(path):
     if path.stat().st_size > LARGEST_BYTES:
         raise InputError(f"{path}: {path.stat().st_size} bytes; at most {LARGEST_BYTES} are read")
     try:
-        text = path.read_text(encoding="utf-8")
-        if any(isinstance(event, AliasEvent) for event in reader().parse(text)):
-            raise InputError(f"{path}: YAML aliases (*name) are not allowed")
-        data = reader().load(text)
+        return plain_data(path.read_text(encoding="utf-8"), path)
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not UTF-8 text ({error.reason})") from None
+
+
+def plain_data(text, where):
+    """Return the mapping in a YAML text; raise InputError naming ``where`` for what ``load_yaml`` refuses."""
+    if len(text) > LARGEST_BYTES:
+        raise InputError(f"{where}: {len(text)} characters; at most {LARGEST_BYTES} are read")
+    try:
+        if any(isinstance(event, AliasEvent) for event in reader().parse(text)):
+            raise InputError(f"{where}: YAML aliases (*name) are not allowed")
+        data = reader().load(text)
     except YAMLError as error:
         mark = getattr(error, "problem_mark", None)
-        where = f", line {mark.line + 1}" if mark else ""
-        raise InputError(f"{path}{where}: {getattr(error, 'problem', None) or error}") from None
+        line = f", line {mark.line + 1}" if mark else ""
+        raise InputError(f"{where}{line}: {getattr(error, 'problem', None) or error}") from None
     except ValueError as error:  # a number of 5000 digits, a 32nd of January
-        raise InputError(f"{path}: {error}") from None
+        raise InputError(f"{where}: {error}") from None
     except RecursionError:
-        raise InputError(f"{path}: nested too deeply") from None
+        raise InputError(f"{where}: nested too deeply") from None
     if not isinstance(data, dict):
-        raise InputError(f"{path}: expected keys and values, found {type(data).__name__}")
+        raise InputError(f"{where}: expected keys and values, found {type(data).__name__}")
     return data
 
 

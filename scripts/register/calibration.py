@@ -7,13 +7,14 @@ from rig.geometry import camera_matrix
 
 NO_DISTORTION = cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3
 MODELS = {"pinhole": NO_DISTORTION, "5": 0, "8": cv2.CALIB_RATIONAL_MODEL}
-NAMES = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+INTRINSICS = ("fx", "fy", "cx", "cy")
+NAMES = (*INTRINSICS, "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 LEAST_VIEWS = 3
 STARTS = (0.6, 0.9, 1.2, 2.0)  # focal lengths tried, in widths: the constrained fit has local minima
 
 
 def calibrate(views, size, flags, K=None, distortion=None):
-    """Fit one model to views, a dict of rig.boards.BoardPoints, of an image size (width, height).
+    """Fit one model to views, a dict of register.boards.BoardPoints, of an image size (width, height).
 
     K (3, 3) and distortion are where the fit starts; without K OpenCV finds a start, for flat boards only.
     Return {"rms_px", "parameters", "se", "views_rms_px"}: the RMS length of the residuals, over all and a view,
@@ -36,7 +37,7 @@ def calibrate(views, size, flags, K=None, distortion=None):
 
 def matrix_of(fit):
     """Return the camera matrix (3, 3) of a fit."""
-    return camera_matrix(*[fit["parameters"][k] for k in NAMES[:4]])
+    return camera_matrix(*[fit["parameters"][k] for k in INTRINSICS])
 
 
 def calibrate_all(views, size, K=None):
@@ -65,3 +66,19 @@ def ideal_pinhole(views, size):
         f = start * max(size)
         fits.append(calibrate(views, size, flags, camera_matrix(f, f, (width - 1) / 2, (height - 1) / 2)))
     return min(fits, key=lambda fit: fit["rms_px"])
+
+
+def guess(size):
+    """Return plain intrinsics with which a coverage of 0 can be reported: nothing is known, nothing can be fitted."""
+    return [float(max(size))] * 2 + [(size[0] - 1) / 2, (size[1] - 1) / 2]
+
+
+def ideal_intrinsics(views, boards_of_folder, size, messages):
+    """Return (fx, fy, cx, cy) of the ideal twin where nothing is known, from the captures or else the calibration."""
+    for source in (views, boards_of_folder):
+        if len(source) >= LEAST_VIEWS:
+            fit = ideal_pinhole(source, size)
+            messages.append(f"ideal pinhole fitted to {len(source)} images: residual {fit['rms_px']:.3f} px")
+            return [fit["parameters"][k] for k in INTRINSICS]
+    messages.append(f"intrinsics unknown and fewer than {LEAST_VIEWS} images to fit them: a guess is used")
+    return guess(size)

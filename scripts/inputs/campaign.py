@@ -4,7 +4,6 @@ Campaigns come from strangers: nothing outside their folder is read, and the fir
 docs/campaign-format.md is said in one message that names file, row, column and value.
 """
 
-import csv
 import math
 import re
 from dataclasses import dataclass
@@ -14,15 +13,22 @@ from typing import Literal
 import pandas as pd
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
+from calibrations.formats import read_calibration
+from inputs.rows import number, read_rows
+from inputs.safe_yaml import load_yaml, validation_message
+from rig.board_markers import board_markers
 from rig.errors import InputError
 from rig.plates import aruco_dictionary
-from rig.safe_yaml import load_yaml, validation_message
 
 NAME = r"^[A-Za-z0-9_-]+$"
-NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
 LARGEST_PX = 20_000
-LARGEST_ROWS = 200_000
-LARGEST_TABLE_BYTES = 64_000_000
+# What photographs may leave open: the word for it, what the twin then assumes, what else may be written.
+OPEN = {
+    "light": ("unknown", "even", "the word even"),
+    "exposure": ("auto", 1.0, "a number above 0 and up to 100"),
+    "white_balance": ("auto", "neutral", "the word neutral"),
+    "reflectance": ("unknown", {}, "a mapping of white, black, ground, background"),
+}
 TOLERANCE_WORDS = {"exact": {"position_m": 0.0, "angle_deg": 0.0}, "unknown": None}
 POSE = ("rx", "ry", "rz", "tx", "ty", "tz")
 
@@ -47,6 +53,7 @@ class NominalCamera(Strict):
     fy: float | None = Field(default=None, gt=0)
     cx: float | None = None
     cy: float | None = None
+    intrinsics: str | None = Field(default=None, min_length=1, max_length=1000)
 
     @model_validator(mode="after")
     def all_or_none(self):
@@ -54,6 +61,8 @@ class NominalCamera(Strict):
         known = [v is not None for v in (self.fx, self.fy, self.cx, self.cy)]
         if any(known) and not all(known):
             raise ValueError("give fx, fy, cx and cy together, or all four null")
+        if any(known) and self.intrinsics is not None:
+            raise ValueError("give fx, fy, cx and cy, or the file that has them as intrinsics, not both")
         return self
 
 
@@ -124,11 +133,33 @@ class CampaignFile(Strict):
     target: Board | None = None
     captures: str
     cameras: dict[str, NominalCamera] = Field(min_length=1)
-    reflectance: Reflectance = Reflectance()
-    exposure: float = Field(default=1.0, gt=0, le=100)
+    light: Literal["even"] | None
+    exposure: float | None = Field(gt=0, le=100)
+    white_balance: Literal["neutral"] | None
+    reflectance: Reflectance | None
     encoding: Literal["srgb", "linear"] = "srgb"
     noise_dn: float = Field(default=0.0, ge=0, le=100)
     tolerance: Tolerance | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def open_or_nominal(cls, data):
+        """Leave open what is not written of a board's photographs; of other campaigns it is nominal."""
+        of_board = isinstance(data, dict) and data.get("target") is not None
+        defaults = {key: word if of_board else nominal for key, (word, nominal, _) in OPEN.items()}
+        return defaults | data if isinstance(data, dict) else data
+
+    @field_validator(*OPEN, mode="before")
+    @classmethod
+    def left_open_by_a_word(cls, value, info):
+        """Take the word that leaves something open for None."""
+        word, nominal, allowed = OPEN[info.field_name]
+        if value == word:
+            return None
+        kinds = (int, float) if isinstance(nominal, float) else (type(nominal),)
+        if type(value) not in kinds or (isinstance(value, str) and value != nominal):
+            raise ValueError(f"allowed are {allowed}, and {word}")
+        return value
 
     @field_validator("tolerance", mode="before")
     @classmethod
@@ -148,10 +179,21 @@ class CampaignFile(Strict):
                 raise ValueError(f"camera {camera!r}: letters, digits, - and _ only, at most 64")
         return self
 
+    @property
+    def left_open(self):
+        """Return the names of what the captures' own light and camera decide: nobody has declared them."""
+        return [key for key in OPEN if getattr(self, key) is None]
+
+    def assumed(self, key):
+        """Return what the ideal twin takes light, exposure, white_balance or reflectance for, declared or not."""
+        value = getattr(self, key)
+        nominal = Reflectance() if key == "reflectance" else OPEN[key][1]
+        return nominal if value is None else value
+
 
 @dataclass(frozen=True)
 class Campaign:
-    """A checked campaign: its folder, campaign.yaml, and the tables of markers and captures."""
+    """A checked campaign: its folder, campaign.yaml, and the tables of markers (a board's among them) and captures."""
 
     folder: Path
     file: CampaignFile
@@ -170,54 +212,6 @@ def inside(folder, relative, where):
     if not full.resolve().is_relative_to(Path(folder).resolve()):
         raise InputError(f"{where} is {relative!r}: it leaves the campaign's folder")
     return full
-
-
-def read_rows(path, required, optional=()):
-    """Return a CSV's rows as dicts of text; raise InputError for missing, unknown or doubled columns, ragged rows."""
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
-    if path.stat().st_size > LARGEST_TABLE_BYTES:
-        raise InputError(f"{path}: {path.stat().st_size} bytes; at most {LARGEST_TABLE_BYTES} are read")
-    try:
-        with open(path, newline="", encoding="utf-8-sig") as file:
-            reader = csv.reader(file, strict=True)
-            header = next(reader, [])
-            for name in required:
-                if name not in header:
-                    raise InputError(f"{path}, row 1: column {name!r} is missing")
-            for name in header:
-                if name not in (*required, *optional):
-                    raise InputError(
-                        f"{path}, row 1: unknown column {name!r}; known: {', '.join((*required, *optional))}"
-                    )
-                if header.count(name) > 1:
-                    raise InputError(f"{path}, row 1: column {name!r} stands twice")
-            rows = []
-            for number, row in enumerate(reader, start=2):
-                if not row:
-                    continue
-                if len(row) != len(header):
-                    raise InputError(f"{path}, row {number}: {len(row)} values for {len(header)} columns")
-                if len(rows) >= LARGEST_ROWS:
-                    raise InputError(f"{path}: more than {LARGEST_ROWS} rows")
-                rows.append(dict(zip(header, row, strict=True)) | {"row": number})
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: not a CSV table in UTF-8 ({error})") from None
-    return rows
-
-
-def number(path, row, column, low=-math.inf, high=math.inf, whole=False):
-    """Return a row's number within [low, high]; raise InputError naming file, row, column and value."""
-    text = row.get(column, "").strip()
-    good = re.fullmatch(r"[+-]?\d{1,18}" if whole else NUMBER, text, re.ASCII) is not None
-    if good:
-        value = int(text) if whole else float(text)
-        good = math.isfinite(value) and low <= value <= high
-    if not good:
-        kind = "a whole number" if whole else "a number"
-        limits = "" if (low, high) == (-math.inf, math.inf) else f" from {low:g} to {high:g}"
-        raise InputError(f"{path}, row {row['row']}, column {column}: {text!r} is not {kind}{limits}")
-    return value
 
 
 def read_markers(path):
@@ -328,6 +322,38 @@ def check_tolerance(path, tolerance, captures):
         )
 
 
+def read_description(folder):
+    """Return the CampaignFile of a folder's campaign.yaml, intrinsics read where it names a calibration's file."""
+    path = inside(folder, "campaign.yaml", f"{folder}: campaign.yaml")
+    return _description(folder, path, load_yaml(path))
+
+
+def _description(folder, path, described):
+    try:
+        file = CampaignFile.model_validate(described)
+    except ValidationError as error:
+        raise InputError(validation_message(path, error, CampaignFile)) from None
+    read = {name: _with_intrinsics(folder, path, name, camera) for name, camera in file.cameras.items()}
+    return file.model_copy(update={"cameras": read})
+
+
+def _with_intrinsics(folder, path, name, camera):
+    """Return the NominalCamera with the pinhole that its calibration file has; distortion there is not the nominal camera's."""
+    if camera.intrinsics is None:
+        return camera
+    where = f"{path}: cameras.{name}.intrinsics"
+    file, _, chosen = camera.intrinsics.partition("#")
+    found = inside(folder, file, where)
+    size = camera.width, camera.height
+    calibration = read_calibration(f"{found}#{chosen}" if chosen else found, size)
+    if (calibration.width, calibration.height) != size:
+        raise InputError(
+            f"{where}: {file} is of images of {calibration.width} x {calibration.height} pixels, the camera has "
+            f"{size[0]} x {size[1]}"
+        )
+    return camera.model_copy(update={k: getattr(calibration, k) for k in ("fx", "fy", "cx", "cy")})
+
+
 def load_campaign(folder):
     """Return the Campaign in a folder; raises InputError at the first departure from the format."""
     folder = Path(folder)
@@ -337,13 +363,11 @@ def load_campaign(folder):
         raise InputError(f"{folder}: no such campaign folder{_dvc_hint(folder)}")
     path = inside(folder, "campaign.yaml", f"{folder}: campaign.yaml")
     described = load_yaml(path)
-    try:
-        file = CampaignFile.model_validate(described)
-    except ValidationError as error:
-        raise InputError(validation_message(path, error, CampaignFile)) from None
+    file = _description(folder, path, described)
     captures = read_captures(inside(folder, file.captures, f"{path}: captures"), folder, file.cameras)
     check_tolerance(path, described.get("tolerance"), captures)
-    markers = pd.DataFrame(columns=["dictionary", "id", "code_m", "plate_m", "x", "y", "z", "rx", "ry", "rz"])
-    if file.markers:
+    if file.target:
+        markers = board_markers(file.target)
+    else:
         markers = read_markers(inside(folder, file.markers, f"{path}: markers"))
     return Campaign(folder, file, markers, captures)

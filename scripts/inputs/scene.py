@@ -1,0 +1,22 @@
+"""The nominal scene of a campaign from its expanded tables: plates of markers, or one calibration board."""
+
+import json
+from pathlib import Path
+
+from effects.base import Scene
+from inputs import tables
+from inputs.campaign import Board
+from rig.plates import marker_plate
+from rig.targets import target_plate
+
+
+def load_scene(expand):
+    """Return the effects.base.Scene of an expand folder."""
+    expand = Path(expand)
+    facts = json.loads((expand / "scene.json").read_text())
+    if facts["target"]:
+        plates = (target_plate(Board.model_validate(facts["target"])),)
+    else:
+        plates = tuple(marker_plate(m) for m in tables.read_table(expand / "markers.csv", tables.MARKERS).itertuples())
+    r = facts["reflectance"]
+    return Scene(plates, r["white"], r["black"], r["ground"], r["background"])

@@ -1,0 +1,1 @@
+"""Moving cameras: experiment, trajectories, exact truth, measures."""

@@ -1,0 +1,221 @@
+"""Whether photographs show the board that is described, and if not, what they show instead: said in one line."""
+
+import cv2
+import numpy as np
+
+from register import boards
+from register.calibration import matrix_of
+from register.registration import pose_from_plane
+from rig.board_markers import board_markers
+from rig.errors import InputError
+
+MIN_PHOTOGRAPHS = 6  # for a verdict: half of them judge what the others have fitted
+MAX_OFF_SQUARES = 0.5  # a wide lens moves corners of the right board by up to 0.2, another layout by more than 1
+MIN_TILT_DEG, MAX_FOCAL_SE = 5.0, 0.05  # of the most tilted view; standard error over focal length
+MAX_TRIED, MAX_SIDE_PX, MIN_MARKERS, MAX_NAMES = 3, 2000, 4, 5
+MAX_EDGE_PX, WINDOW_PX = 4.5, 31  # sharp photographs have 2 to 2.5; a Gaussian of sigma px has 2.5 sigma
+FAMILIES = (
+    "DICT_4X4", "DICT_5X5", "DICT_6X6", "DICT_7X7", "DICT_ARUCO_ORIGINAL", "DICT_ARUCO_MIP_36h12", "DICT_APRILTAG_16h5",
+    "DICT_APRILTAG_25h9", "DICT_APRILTAG_36h10", "DICT_APRILTAG_36h11",
+)  # fmt: skip
+SIZES = (50, 100, 250, 1000)  # of those that are named by their bits; the smaller are the beginning of the larger
+
+
+def fits(points, board):
+    """Return whether BoardPoints are enough, and lie as on one plane that shows a inputs.campaign.Board."""
+    if len(points.image) < boards.LEAST_POINTS:
+        return False
+    side = board.square_m or board.marker_m + board.gap_m
+    flat = points.board[:, :2]
+    H, _ = cv2.findHomography(points.image, flat)  # metres, so that a square counts the same near and far
+    if H is None:
+        return False
+    off = cv2.perspectiveTransform(points.image[None], H)[0] - flat
+    return bool(np.median(np.linalg.norm(off, axis=1)) < MAX_OFF_SQUARES * side)
+
+
+def only_fitting(found, board, messages):
+    """Return {name: BoardPoints} with those emptied whose markers lie otherwise than on the board."""
+    wrong = [name for name, v in found.items() if len(v.image) >= boards.LEAST_POINTS and not fits(v, board)]
+    if wrong:
+        messages.append(f"the markers lie otherwise than on the described board in {listed(wrong)}: not used")
+    return {name: boards.nothing_found(v.markers) if name in wrong else v for name, v in found.items()}
+
+
+def listed(names):
+    """Return the first of some names, and how many more there are."""
+    more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+    return ", ".join(names[:MAX_NAMES]) + more
+
+
+def check_photographs(found, board, open_image, where):
+    """Raise InputError where fewer than MIN_PHOTOGRAPHS show the board; it says what they show instead.
+
+    found       {name: BoardPoints}
+    open_image  function of a name that returns the image
+    where       file and key of the board's description, for messages
+    """
+    without = [name for name, v in found.items() if not fits(v, board)]
+    usable = len(found) - len(without)
+    if usable >= MIN_PHOTOGRAPHS:
+        return
+    images = [_searchable(open_image(name)) for name in without[:MAX_TRIED]]
+    why = what_is_shown(images, board) if images else None
+    if why:
+        raise InputError(f"{where}: {why}")
+    count = f"{usable} of {len(found)} photographs show the board" if without else f"{usable} photographs"
+    missing = f" (not found in {listed(without)})" if usable and without else ""
+    advice = f"take {MIN_PHOTOGRAPHS - usable} more, sharp, with the whole board in view and from different sides"
+    if not usable:
+        advice = f"compare the print with the description, {_in_words(board)}, and look whether it is sharp and in view"
+    raise InputError(f"{where}: {count}{missing}, and a verdict takes {MIN_PHOTOGRAPHS}: {advice}")
+
+
+def check_tilt(views, fit, where, focal_px=None):
+    """Raise InputError where views ({name: BoardPoints}) are all from one side, so that the focal length can't be told.
+
+    A flat board seen straight on is as large from half the distance with half the focal length.
+    fit       calibration of the views with distortion, as of register.calibration.calibrate
+    focal_px  what the photographs' EXIF says, or None
+    """
+    K, focal = matrix_of(fit), fit["parameters"]["fx"]
+    if focal > 0:
+        normals = [pose_from_plane(v.board, v.image, K)[2, 2] for v in views.values()]
+        tilt_deg = float(np.degrees(np.arccos(np.clip(np.abs(normals), 0, 1))).max())
+        if tilt_deg >= MIN_TILT_DEG and fit["se"]["fx"] < MAX_FOCAL_SE * focal:
+            return
+    hint = f" (EXIF means fx = fy = {focal_px:.0f})" if focal_px else ""
+    raise InputError(
+        f"{where}: all photographs are from one side, straight on, so that the focal length can't be told; take some with "
+        f"the board tilted by 20 to 45 degrees, to either side and up and down, or write fx, fy, cx and cy{hint}"
+    )
+
+
+def _in_words(board):
+    kind = f"{board.type}, {board.columns} columns, {board.rows} rows"
+    return kind if board.type == "chessboard" else f"{kind}, {board.dictionary}"
+
+
+def _searchable(image):
+    """Return a grey image (H, W) uint8, large ones shrunk: finders that find nothing take long."""
+    grey = boards.grey_8bit(image)
+    factor = MAX_SIDE_PX / max(grey.shape)
+    return cv2.resize(grey, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA) if factor < 1 else grey
+
+
+def what_is_shown(images, board):
+    """Return what grey images show in place of the board, and what to do; None where that is not known.
+
+    An explanation holds where the board is found by it in more than half of the images.
+    """
+    for words, other, seen_as in _explanations(board):
+        if 2 * sum(fits(boards.find_board(seen_as(image), other), other) for image in images) > len(images):
+            return words
+    width = float(np.median([edge_width_px(image) for image in images]))
+    if MAX_EDGE_PX < width < np.inf:
+        return (
+            f"the photographs are too blurred: even their sharpest edges are {width:.0f} pixels wide; hold the camera still, "
+            "let it focus, and give it light"
+        )
+    return None if board.type == "chessboard" else _other_markers(images, board)
+
+
+def _explanations(board):
+    """Yield (words, Board, function of an image): under which of them is the board found?"""
+
+    def sized(columns, rows, **more):
+        return board.model_copy(update={"columns": columns, "rows": rows, **more})
+
+    def write(other):
+        return f"write columns: {other.columns}, rows: {other.rows}"
+
+    if board.type == "chessboard":
+        if min(board.columns, board.rows) > 3:
+            corners = sized(board.columns - 1, board.rows - 1)
+            yield (
+                f"a chessboard's columns and rows count its inner corners, not its squares: {write(corners)}",
+                corners,
+                _same,
+            )
+    else:
+        swapped = sized(board.rows, board.columns)
+        yield f"the photographs show the board with columns and rows swapped: {write(swapped)}", swapped, _same
+        mirrored = "the board is mirrored: printed from a flipped file, shown by a mirror or flipped by a program"
+        yield f"{mirrored}; print it again, or photograph it without any of that", board, _flipped
+    if board.type == "charuco":
+        squares = sized(board.columns + 1, board.rows + 1)
+        yield (
+            f"a ChArUco board's columns and rows count its squares, not inner corners: {write(squares)}",
+            squares,
+            _same,
+        )
+        for other in (swapped, squares):
+            legacy = other.model_copy(update={"legacy_pattern": not board.legacy_pattern})
+            yield f"the photographs show another board: {write(legacy)}, legacy_pattern: {_yaml(legacy)}", legacy, _same
+
+
+def _yaml(board):
+    return str(board.legacy_pattern).lower()
+
+
+def _same(image):
+    return image
+
+
+def _flipped(image):
+    return np.ascontiguousarray(image[:, ::-1])
+
+
+def edge_width_px(grey):
+    """Return how many pixels the sharpest edges of a grey image (H, W) take from black to white, in the worse direction.
+
+    Contrast over the steepest slope, of the sharpest tenth of the windows that hold half the image's contrast; infinite
+    where there is none.
+    """
+    grey, window = grey.astype(np.float32), np.ones((WINDOW_PX, WINDOW_PX), np.uint8)
+    contrast = cv2.dilate(grey, window) - cv2.erode(grey, window)
+    rich = contrast > max(np.subtract(*np.percentile(grey, (99, 1))) / 2, 1)
+    if not rich.any():
+        return np.inf
+    slopes = [np.abs(cv2.Sobel(grey, cv2.CV_32F, *along, scale=1 / 8)) for along in ((1, 0), (0, 1))]
+    widths = [contrast[rich] / np.maximum(cv2.dilate(slope, window)[rich], 1e-3) for slope in slopes]
+    return max(float(np.percentile(width, 10)) for width in widths)
+
+
+def _other_markers(images, board):
+    """Return which markers images show that the board does not have, and what to do; None where there are few."""
+    seen = {name: _ids(images, name) for name in map(_largest, FAMILIES)}
+    name = max(seen, key=lambda n: len(seen[n]))
+    ids, count = sorted(set(seen[name])), len(board_markers(board))
+    if len(seen[name]) < MIN_MARKERS * len(images):
+        return None
+    if _largest(_family(board.dictionary)) != name:
+        name = _smallest(name, max(ids))
+        return f"the photographs show markers of {name}, not of {board.dictionary}: write dictionary: {name}"
+    if ids[0] >= count:
+        shown = f"the photographs show markers {ids[0]} to {ids[-1]}, but the board has 0 to {count - 1}"
+        return f"{shown}: print the board that is described"
+    return (
+        f"the photographs show markers {ids[0]} to {ids[-1]} of the board's dictionary, but not where the description "
+        f"({_in_words(board)}) has them: count columns and rows again"
+    )
+
+
+def _ids(images, dictionary):
+    """Return the ids of all markers that some images show, one by one."""
+    found = [boards.aruco_detector(dictionary).detectMarkers(image)[1] for image in images]
+    return [int(i) for ids in found if ids is not None for i in np.ravel(ids)]
+
+
+def _family(dictionary):
+    return next((f for f in FAMILIES if dictionary.startswith(f)), dictionary)
+
+
+def _largest(family):
+    return f"{family}_{SIZES[-1]}" if family[-1].isdigit() and family[-2] == "X" else family
+
+
+def _smallest(dictionary, last_id):
+    """Return the smallest dictionary of the same codes that has an id."""
+    family = _family(dictionary)
+    return dictionary if _largest(family) == family else f"{family}_{next(n for n in SIZES if n > last_id)}"

@@ -1,0 +1,114 @@
+"""What images show of a rig: its markers, or the points of its board by the finder to trust."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from register import boards, calibration
+from register.board_checks import only_fitting
+from rig.plates import aruco_dictionary, marker_corners_world
+
+SECTORS_ARE_BETTER = 0.6  # the usual chessboard finder stays unless the other nearly halves the residual
+
+
+@dataclass
+class Markers:
+    """The rig's markers in one image: corners (n, 4, 3) in the world and (n, 4, 2) in pixels, sides (n,) in m."""
+
+    world: np.ndarray
+    pixels: np.ndarray
+    sides_m: np.ndarray
+
+    def __len__(self):
+        """Return the number of markers."""
+        return len(self.sides_m)
+
+    def select(self, which):
+        """Return some of the markers, by a bool array."""
+        return Markers(self.world[which], self.pixels[which], self.sides_m[which])
+
+
+def marker_finder(markers):
+    """Return a function of an image that returns the Markers of the rig's table seen in it (OpenCV, sub-pixel)."""
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    rigs = [
+        (cv2.aruco.ArucoDetector(aruco_dictionary(name), parameters), {m.id: m for m in rows.itertuples()})
+        for name, rows in markers.groupby("dictionary", sort=True)
+    ]
+
+    def find(image):
+        grey = boards.grey_8bit(image)
+        world, pixels, sides = [], [], []
+        for detector, known in rigs:
+            quads, ids, _ = detector.detectMarkers(grey)
+            for quad, marker in zip(quads, [] if ids is None else np.ravel(ids), strict=True):
+                if marker in known:
+                    world.append(marker_corners_world(known[marker]))
+                    pixels.append(quad.reshape(4, 2))
+                    sides.append(known[marker].code_m)
+        return Markers(np.reshape(world, (-1, 4, 3)), np.reshape(pixels, (-1, 4, 2)).astype(float), np.array(sides))
+
+    return find
+
+
+def board_finder(board):
+    """Return a function of an image that returns its BoardPoints by each finder: one, for a chessboard two."""
+
+    def find(image):
+        found = [boards.find_board(image, board)]
+        if board.type == "chessboard":
+            found.append(boards.find_chessboard_by_sectors(image, board))
+        return found
+
+    return find
+
+
+def usable_views(found):
+    """Return the BoardPoints of {name: BoardPoints} with enough points to be a view."""
+    return {k: v for k, v in found.items() if len(v.image) >= boards.LEAST_POINTS}
+
+
+def views_of_markers(seen):
+    """Return {capture: BoardPoints} of {capture: Markers}, for the fit of unknown intrinsics."""
+    return usable_views(
+        {k: boards.BoardPoints(m.world.reshape(-1, 3), m.pixels.reshape(-1, 2), len(m)) for k, m in seen.items()}
+    )
+
+
+def better_finder(found, size, messages):
+    """Return {name: BoardPoints} of the finder to trust, from {name: [BoardPoints by each finder]}.
+
+    The sector-based chessboard finder is taken where it sees as many boards and nearly halves the residual.
+    """
+    usual = {k: v[0] for k, v in found.items()}
+    sectors = {k: v[1] for k, v in found.items() if len(v) > 1}
+    views = [usable_views(f) for f in (usual, sectors)]
+    if len(views[1]) < max(len(views[0]), calibration.LEAST_VIEWS):
+        return usual
+    rms = [calibration.calibrate(v, size, calibration.MODELS["5"])["rms_px"] if v else np.inf for v in views]
+    if rms[1] >= SECTORS_ARE_BETTER * rms[0]:
+        return usual
+    messages.append(f"sector-based chessboard finder: residual {rms[1]:.3f} px instead of {rms[0]:.3f} px")
+    return sectors
+
+
+def board_views(found, board, size, images, where, messages):
+    """Return {name: BoardPoints} of the better finder; wrong colours are said, a wrong legacy flag raises InputError.
+
+    images  iterable over the images, opened again only where no board is found
+    where   file and key of the board's description, for messages
+    """
+    points = only_fitting(better_finder(found, size, messages), board, messages)
+    views = usable_views(points)
+    if not views:
+        boards.check_legacy_pattern(images, board, where)
+        messages.append(f"{where}: no image shows the board")
+    inverted = sum(v.inverted for v in views.values())
+    if inverted:
+        messages.append(
+            f"{where}: black and white are swapped in {inverted} of {len(views)} images, whichever way the board is "
+            "turned; geometry is not touched by it, but the twin's board looks inverted"
+        )
+    return points

@@ -1,0 +1,115 @@
+"""Results in words: what was compared, what a camera's diagnosis says, the ladder as one reads it."""
+
+import pandas as pd
+
+from rig.words import LADDER, gap_along, with_error
+
+MOST_TOLD = 12  # parameters of one effect that a sentence can hold
+NEAR_FLOOR = 1.2  # a gap up to this is told as the floor
+
+
+def plural(count, word):
+    """Return ``3 stations`` or ``1 station``."""
+    return f"{count} {word}" + ("" if count == 1 else "s")
+
+
+def compared(scene, markers, cameras, stations, captures):
+    """Return sentences on what was compared with what."""
+    rig = "one calibration board" if scene.get("target") else plural(len(markers), "marker")
+    lines = []
+    if len(captures):
+        places = captures.groupby("camera").station.nunique().sum()
+        kind = "simulated stand-ins for captures" if scene.get("origin") == "simulated" else "photographs"
+        lines.append(
+            f"{plural(len(captures), 'capture')} ({kind}) of a rig with {rig}, by "
+            f"{plural(len(cameras), 'camera')} at {plural(places, 'place')}, each beside its twin."
+        )
+    else:
+        lines.append(
+            f"A designed experiment without photographs: {plural(len(stations), 'station')} of "
+            f"{plural(len(cameras), 'camera')} over a rig with {rig}, the twin alone."
+        )
+    lines.append(
+        "The twin of a capture is what Blender renders of the nominal rig through an ideal pinhole camera, "
+        "with the declared noise and whatever effects the twin has been given."
+    )
+    return lines + assumed(scene)
+
+
+def assumed(scene):
+    """Return a sentence on what nobody has declared and what the twin takes it for; none where all is declared."""
+    left_open = scene.get("left_open", [])
+    if not left_open:
+        return []
+    values = {
+        "light": "the light for even",
+        "exposure": f"the exposure for {scene.get('exposure')}",
+        "white_balance": "the white balance for neutral",
+        "reflectance": "reflectances for "
+        + ", ".join(f"{name} {value:g}" for name, value in scene.get("reflectance", {}).items()),
+    }
+    return [
+        f"Not declared: {listed(plain(key) for key in left_open)}. They may differ from photograph to photograph; the twin "
+        f"takes {listed(values[key] for key in left_open)}."
+    ]
+
+
+def plain(name):
+    """Return an identifier as words: ``some_effect`` is ``some effect``."""
+    return name.replace("_", " ")
+
+
+def listed(names):
+    """Return ``a, b and c``."""
+    names = list(names)
+    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
+
+
+def effect_words(step):
+    """Return an effect with its parameters, such as ``radial distortion (k1 0.1712 ± 0.0020)``; of many the number."""
+    parameters = step.get("parameters", {})
+    if len(parameters) > MOST_TOLD:
+        return f"{plain(step['effect'])} ({len(parameters)} parameters)"
+    values = [f"{name} {with_error(p['value'], p.get('se'))}" for name, p in parameters.items()]
+    return plain(step["effect"]) + (f" ({', '.join(values)})" if values else "")
+
+
+def verdict_words(diagnosis):
+    """Return what a camera's diagnosis says, in words made from its numbers."""
+    steps = diagnosis.get("steps", [])
+    effects = listed(effect_words(step) for step in steps)
+    if diagnosis["verdict"] == "adequate":
+        words = "nothing is missing; the twin explains the images down to the floor."
+    elif diagnosis["verdict"] == "explained":
+        closed = "the gap is the floor" if steps[-1]["gap_after"] <= NEAR_FLOOR else "most of the gap is closed"
+        words = f"the twin lacks {effects}; with that, {closed}."
+    else:
+        words = "a gap is left that no known effect closes."
+        words += f" Part of it is {effects}." if steps else ""
+    if steps:
+        words += f" The gap falls from {steps[0]['gap_before']:.2f} to {steps[-1]['gap_after']:.2f} floors."
+    if diagnosis["verdict"] != "adequate" and diagnosis.get("where"):
+        most = diagnosis["where"][0]
+        words += f" It shows most in {plain(gap_along(most))}, which predicts {100 * most['share']:.0f} % of it."
+    confused = sorted({plain(name) for step in steps for name in step.get("confused_with", [])})
+    if confused:
+        words += f" These captures cannot tell it apart from {listed(confused)}."
+        station = diagnosis.get("suggested_station")
+        if station and station.get("height_m") is not None:
+            words += f" A station at {station['height_m']:g} m height and {station['tilt_deg']:g}° tilt could."
+    return words
+
+
+def ladder_rows(path):
+    """Return (headings, rows of text) of the ladder as one reads it: a row a twin, then the camera's floors."""
+    rows = []
+    for camera, steps in pd.read_csv(path).groupby("camera", sort=False):
+        for step in steps.to_dict("records"):
+            twin = plain(step["effect"]) if step["step"] == 0 else f"+ {plain(step['effect'])}"
+            rows.append([camera, twin, *(_short(step[measure]) for measure in LADDER)])
+        rows.append([camera, "floor", *(_short(step[f"{measure}_floor"]) for measure in LADDER)])
+    return ["camera", "twin", *LADDER.values()], rows
+
+
+def _short(value):
+    return "" if pd.isna(value) else f"{value:.3g}"
