@@ -1,0 +1,1 @@
+"""Calibrations in other programs' formats: one file a format, found by being there."""

@@ -1,0 +1,183 @@
+"""Turn a folder of photographs into a campaign: find the board or the plates, and write campaign.yaml and captures.csv.
+
+    python scripts/start_campaign.py FOLDER --square-mm 25
+
+--square-mm is the printed side of a square, or of a marker where the board is a grid of them; measure it on the print. What
+was guessed has a comment in campaign.yaml. Photographs stay as they are.
+"""
+
+import argparse
+import csv
+import io
+import logging
+import re
+import shlex
+from pathlib import Path
+
+import job
+from inputs.campaign import load_campaign
+from inputs.images import check_captures
+from inputs.photo_facts import focal_px
+from rig.errors import InputError
+from start.patterns import find_pattern
+from start.photographs import by_camera, look_through
+
+log = logging.getLogger("twingap")
+
+RIGS = Path(__file__).resolve().parents[1] / "config/rigs"
+LEAST_VIEWS = 3  # of a board, by one camera: fewer tell no intrinsics
+MOST_NAMED = 20
+HEADER = """\
+# {about}
+# Written by start_campaign.py: lines with a comment were guessed; check them. The format: docs/campaign-format.md
+schema: 1
+name: {name}
+origin: camera
+"""
+CAMERA = """\
+  {name}: # {about}
+    width: {width}
+    height: {height}
+    fx: null # unknown: fitted from the photographs{focal}
+    fy: null
+    cx: null
+    cy: null
+"""
+
+
+def start_campaign(folder, square_mm):
+    """Write campaign.yaml, captures.csv and, of plates, markers.csv into a folder of photographs.
+
+    square_mm  printed side of a square, None where it is not known
+    Returns (Pattern, {camera: photographs}, [(path, why it is left out)]). Raises InputError where nothing usable is found
+    or the folder is a campaign; nothing is left behind then.
+    """
+    folder = Path(folder)
+    for name in ("campaign.yaml", "captures.csv", "markers.csv"):
+        if (folder / name).exists():
+            raise InputError(f"{folder / name}: is there already; move it away to start anew")
+    if square_mm is not None and not 0.1 <= square_mm <= 10_000:
+        raise InputError(f"--square-mm {square_mm:g}: allowed are 0.1 to 10000")
+    photographs, left_out = look_through(folder)
+    if not photographs:
+        raise InputError(f"{folder}: no usable photograph; {left_out[0][0]}: {left_out[0][1]}")
+    pattern = find_pattern(
+        [p.grey for p in photographs], square_mm and square_mm / 1000, sorted(RIGS.glob("ladders.yaml"))
+    )
+    shown = {p.path for p, seen in zip(photographs, pattern.seen, strict=True) if seen}
+    what = "the board" if pattern.board else "the plates"
+    left_out += [(p.path, f"{what} was not found in it") for p in photographs if p.path not in shown]
+    cameras = {}
+    for name, group in by_camera([p for p in photographs if p.path in shown]).items():
+        least = LEAST_VIEWS if pattern.board else 1
+        if len(group) >= least:
+            cameras[name] = group
+            continue
+        size = "{} x {}".format(*group[0].size)
+        left_out += [
+            (p.path, f"{size} pixels, with {len(group)} usable; {least} of one camera and size are needed")
+            for p in group
+        ]
+    if not cameras:
+        path, why = left_out[-1]
+        raise InputError(f"{folder}: no camera with enough photographs; {path}: {why}")
+    _write(folder, pattern, cameras)
+    return pattern, cameras, left_out
+
+
+def _write(folder, pattern, cameras):
+    """Write the campaign's files; take them away again where they are none."""
+    texts = {"campaign.yaml": _description(folder, pattern, cameras), "captures.csv": _captures(cameras)}
+    if pattern.markers is not None:
+        texts["markers.csv"] = pattern.markers.to_csv(index=False, lineterminator="\n")
+    try:
+        for name, text in texts.items():
+            with job.write_atomically(folder / name) as file:
+                file.write(text)
+        check_captures(load_campaign(folder))
+    except BaseException:
+        for name in texts:
+            (folder / name).unlink(missing_ok=True)
+        raise
+
+
+def _description(folder, pattern, cameras):
+    """Return the text of campaign.yaml."""
+    number = sum(map(len, cameras.values()))
+    name = re.sub(r"[^A-Za-z0-9_-]+", "_", folder.resolve().name).strip("_")[:64] or "campaign"
+    text = HEADER.format(about=f"{number} photographs", name=name)
+    if pattern.board is not None:
+        text += "target:\n"
+        for key, value in pattern.board.model_dump().items():
+            if value is not None and (value is not False or key in pattern.guesses):
+                shown = str(value).lower() if isinstance(value, bool) else f"{value}"
+                text += f"  {key}: {shown}{_comment(pattern.guesses.get(key))}\n"
+    else:
+        text += f"markers: markers.csv{_comment(pattern.guesses.get('markers'))}\n"
+        text += "tolerance: unknown # the photographs were taken by hand\n"
+    text += "captures: captures.csv\ncameras:\n"
+    for camera, group in cameras.items():
+        width, height = group[0].size
+        focals = {p.facts["focal_35mm"] for p in group if p.facts["focal_35mm"]}
+        focal = f"; by EXIF about {focal_px(focals.pop(), (width, height)):.0f} px" if len(focals) == 1 else ""
+        about = " ".join((group[0].maker or "EXIF says nothing of the camera").split())
+        about = f"{about}, {len(group)} photographs of this size"
+        text += CAMERA.format(name=camera, about=about, width=width, height=height, focal=focal)
+    return text + "encoding: srgb # as cameras write it\n"
+
+
+def _comment(guess):
+    return f" # {' '.join(guess.split())}" if guess else ""
+
+
+def _captures(cameras):
+    """Return the text of captures.csv: poses are unknown."""
+    file, taken = io.StringIO(), set()
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(["capture", "camera", "image"])
+    for camera, group in cameras.items():
+        for photograph in group:
+            stem = re.sub(r"[^A-Za-z0-9_-]+", "_", photograph.path.rpartition(".")[0])[-100:].strip("_") or "photograph"
+            name, number = stem, 1
+            while name in taken:
+                number += 1
+                name = f"{stem}_{number}"
+            taken.add(name)
+            writer.writerow([name, camera, photograph.path])
+    return file.getvalue()
+
+
+def tell(folder, pattern, cameras, left_out):
+    """Log what was found, what was left out and why, and what to type next."""
+    if pattern.board is not None:
+        facts = {k: v for k, v in pattern.board.model_dump().items() if v not in (None, False)}
+        log.info("found: %s", ", ".join(f"{k} {v}" for k, v in facts.items()))
+    else:
+        log.info("found: %s", pattern.guesses["markers"])
+    for camera, group in cameras.items():
+        log.info("camera %s: %d photographs of %d x %d", camera, len(group), *group[0].size)
+    for path, why in left_out[:MOST_NAMED]:
+        log.info("left out: %s: %s", path, why)
+    if len(left_out) > MOST_NAMED:
+        log.info("left out: %d more", len(left_out) - MOST_NAMED)
+    for key, why in pattern.guesses.items():
+        if why.startswith("GUESSED"):
+            log.info(
+                "%s is a guess: measure it on the print, and correct it in %s", key, Path(folder) / "campaign.yaml"
+            )
+    log.info("next: snakemake --cores 2 --config %s", shlex.quote(f"campaign={folder}"))
+
+
+def main(arguments=None):
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description="Turn a folder of photographs into a campaign.")
+    parser.add_argument("folder", help="folder of photographs: JPEG, PNG, TIFF, HEIC, also in folders below it")
+    parser.add_argument("--square-mm", type=float, help="printed side of a square; of a marker, in a grid of markers")
+    given = parser.parse_args(arguments)
+    job.set_up_log()
+    with job.one_message():
+        tell(given.folder, *start_campaign(given.folder, given.square_mm))
+
+
+if __name__ == "__main__":
+    main()
