@@ -1,8 +1,10 @@
-# make          environment, embedded campaign, results; ends with the path of the report
+# make          environment, embedded campaigns, results; ends with the path of the report
 # make test     all tests
-# make picture  the README's picture, from the results
+# make picture  the README's pictures, from the results
+# make board    PDFs to print: a calibration board, the ladders' plates, on A4 and letter
 # make bench    all measurements, and the page docs/benchmarks.md (hours)
 # make lint     style and workflow checks
+# make makers   other programs' readers of calibrations, for the tests against them
 # make lock     renew envs/twingap.lock.txt from pyproject.toml
 
 PYTHON ?= python3
@@ -20,7 +22,7 @@ ifneq ($(SYSTEM_CERTIFICATES),)
 export SSL_CERT_FILE ?= $(SYSTEM_CERTIFICATES)
 endif
 
-.PHONY: results environment data test picture bench lint lock
+.PHONY: results environment data test picture board bench lint makers lock
 
 results: environment data
 	$(BIN)/snakemake --cores $(CORES)
@@ -41,13 +43,22 @@ environment: $(UV)
 		&& cp $(LOCK) $(INSTALLED); }
 
 data: environment
-	@$(BIN)/dvc pull --quiet --remote embedded data/raw/frame.dvc
+	@$(BIN)/dvc pull --quiet --remote embedded data/raw/frame.dvc data/raw/aruco6x6_gridboard.dvc
 
 test: environment data
 	$(BIN)/python -m pytest
 
 picture: results
-	PYTHONPATH=scripts $(BIN)/python notebooks/front_picture.py results/frame hp325 docs/picture.png
+	PYTHONPATH=scripts $(BIN)/python notebooks/front_picture.py results/frame docs/picture.png
+	PYTHONPATH=scripts $(BIN)/python notebooks/method_pictures.py results/frame hp325 docs/method
+	$(BIN)/snakemake --cores $(CORES) --config campaign=data/raw/aruco6x6_gridboard \
+		-- results/aruco6x6_gridboard/tables/table1.csv
+	PYTHONPATH=scripts $(BIN)/python notebooks/photograph_picture.py results/aruco6x6_gridboard \
+		data/raw/aruco6x6_gridboard aruco6x6_gridboard docs/photographs.png
+
+board: environment
+	$(BIN)/python scripts/print_board.py charuco --out prints/board.pdf
+	$(BIN)/python scripts/print_board.py rig config/rigs/ladders.yaml --out prints/plates.pdf
 
 bench: environment data
 	$(BIN)/python tests/bench/run_benchmarks.py
@@ -57,6 +68,9 @@ lint: environment data
 	$(BIN)/ruff format --check .
 	$(BIN)/snakefmt --check Snakefile rules
 	$(BIN)/snakemake --lint
+
+makers: environment
+	$(UV) pip install --python $(BIN)/python --group makers
 
 lock: $(UV)
 	UV_CUSTOM_COMPILE_COMMAND="make lock" $(UV) pip compile --quiet --upgrade --universal --generate-hashes \

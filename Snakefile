@@ -25,6 +25,7 @@ rule all:
         f"{RESULTS}/tables/table1.csv",
         f"{RESULTS}/tables/table2.csv",
         DIAGNOSIS,
+        EXPLORER,
         verified_data(),
     message:
         f"The report is {RESULTS}/report/index.html"
@@ -49,6 +50,7 @@ for stage in (
     "aggregate",
     "diagnose",
     "compare",
+    "explore",
     "report",
     "moving",
     "blind_trials",

@@ -101,7 +101,7 @@ def words(diagnosis):
     places = [w for w in diagnosis["where"] if w["share"] > 0.1][:3]
     if places:
         told = "; ".join(f"{gap_along(w)} ({100 * w['share']:.0f} %)" for w in places)
-        lines.append(f"Of the gap as configured, this much is foretold on captures never fitted: {told}.")
+        lines.append(f"Of the gap as configured, this much is predicted on captures never fitted: {told}.")
     station = diagnosis.get("suggested_station")
     if station:
         pair = " from ".join(station["tells_apart"])
@@ -171,6 +171,6 @@ def where_figure(diagnosis):
     fig, axis = plt.subplots(figsize=(figures.WIDTH_IN, 2.6))
     axis.barh([gap_along(r) for r in rows], [100 * r["share"] for r in rows], color=figures.GREEN)
     axis.set_xlim(0, 100)
-    axis.set_xlabel("share of the gap foretold, %")
+    axis.set_xlabel("share of the gap predicted, %")
     fig.suptitle(f"{diagnosis['camera']}: what does the gap follow?", fontsize=11)
     return fig

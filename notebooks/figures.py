@@ -18,6 +18,7 @@ import pandas as pd
 from IPython.display import HTML
 from matplotlib.ticker import MaxNLocator
 
+from inputs.images import read_image
 from rig.geometry import camera_matrix, make_pose, project
 from rig.plates import marker_corners_world
 
@@ -25,7 +26,6 @@ BLUE, ORANGE, GREEN, GREY = "#0072B2", "#D55E00", "#009E73", "#595959"
 FOUND, MISSED = "#00C8FF", "#FF8C00"  # bright enough on grey photographs; missed is dashed as well
 POSE = ["rx", "ry", "rz", "tx", "ty", "tz"]
 WIDTH_IN = 5.0
-AS_STORED = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION  # as the sensor saw it, like all that measures
 # Names are text, however much they look like numbers.
 NAMES = dict.fromkeys(("camera", "algorithm", "capture", "station", "dictionary", "image"), str)
 
@@ -139,11 +139,17 @@ def read_capture(run, campaign, camera, capture):
     T_twin = _pose(stations.loc[station]) if station in stations.index else None
     poses = run.results / f"register/{camera}.csv"
     T_real = _pose(read_table(poses).set_index("capture").loc[capture]) if row is not None else T_twin
-    real = cv2.imread(str(Path(campaign) / row.image), AS_STORED) if row is not None else None
+    real = in_colour(read_image(Path(campaign) / row.image)) if row is not None else None
     twin = cv2.imread(str(run.results / f"twin/{camera}/{capture}.png"))
     K = camera_matrix(*(frame[name] for name in ("fx", "fy", "cx", "cy")))
     T_real = T_twin if T_real is None else T_real
     return SimpleNamespace(real=real, twin=twin, K=K, T_real=T_real, T_twin=T_real if T_twin is None else T_twin)
+
+
+def in_colour(image):
+    """Return an image of 8 or 16 bits, grey or BGR, as uint8 BGR."""
+    image = (image // 257).astype(np.uint8) if image.dtype == np.uint16 else image
+    return cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) if image.ndim == 2 else image[..., :3]
 
 
 def _pose(row):
@@ -193,6 +199,24 @@ def overlay(shot):
     twin = cv2.warpPerspective(shot.twin, H, (width, height), borderMode=cv2.BORDER_REPLICATE)
     real, twin = (cv2.cvtColor(i, cv2.COLOR_BGR2GRAY) for i in (shot.real, twin))
     return np.dstack([twin, real, twin])
+
+
+def board_figure(run, camera):
+    """Return a figure of photographs of a board: residuals of each, and how far and how slanting it was seen from."""
+    poses = read_table(run.results / f"register/{camera}.csv")
+    T = [_pose(row) for _, row in poses.iterrows()]
+    known = [k for k, pose in enumerate(T) if pose is not None]
+    figure, (left, right) = plt.subplots(1, 2, figsize=(1.5 * WIDTH_IN, 2.8))
+    left.bar(range(len(poses)), poses.rms_px, color=BLUE)
+    left.set(xlabel="photograph, by name", ylabel="corners off the pinhole (px)", title="residuals of each")
+    eyes = np.array([-T[k][:3, :3].T @ T[k][:3, 3] for k in known]).reshape(-1, 3)
+    slant = [np.degrees(np.arccos(min(1.0, abs(T[k][2, 2])))) for k in known]
+    points = right.scatter(np.linalg.norm(eyes, axis=1), slant, c=poses.rms_px.iloc[known], cmap="cividis", s=36)
+    right.set(
+        xlabel="distance to the board's corner (m)", ylabel="slant (°), 0: face on", title="where it was seen from"
+    )
+    figure.colorbar(points, label="px")
+    return figure
 
 
 # --- Figure 3 ----

@@ -1,91 +1,127 @@
-"""Draw the README's picture from a run: `make picture`.
+"""The picture that a report starts with, and `make picture` draws for the README: a patch of the capture, of its twin and of
+their difference, before and after the effects that the diagnosis found, beside the gap that falls to its floor.
 
-Real, twin and their difference for one capture, before and after the effects that the diagnosis found, beside the
-errors that fall to their floors. Drawn from a run's tables, renders and images.
+Patches, not frames: what most effects do is seen in a few pixels. Drawn from what the diagnosis wrote.
 """
 
 import json
 import sys
-import tempfile
 from pathlib import Path
 
-import cv2
 import figures
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-from matplotlib.ticker import NullFormatter, StrMethodFormatter
+from matplotlib.image import imread
 from PIL import Image
+from scipy.ndimage import maximum_filter, uniform_filter
 
-from detectors import contract
-from expose_twin import expose_twin
-
-SHOWN = {"corner_rmse_px": "corners off, px", "intensity_rmse_dn": "grey levels, DN"}
+EXAMPLES = ("real", "configured", "explained")
+PATCH_PX = 52  # side of a patch: a plate at a middle distance
 FULL_SCALE_DN = 60  # difference that is drawn as full red or blue
-COLOURS = 128  # of the PNG: a third of the bytes, and no difference to see
+EDGE_DN = 40  # what varies less in a patch's middle is not looked at: plates show more than ground
+MOST_NAMED = 3  # effects that a line holds
+COLOURS = 192  # of the README's PNG: a third of the bytes, and no difference to see
 
 
-def explained_twin(results, camera, steps, capture):
-    """Return the twin's image (grey) of a capture with the effects of the diagnosis' steps."""
-    effects = [[s["effect"], {k: p["value"] for k, p in s["parameters"].items()}] for s in steps]
-    manifest, register = results / f"render/{camera}.json", results / f"register/{camera}.json"
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder) / "twin"
-        expose_twin(results / "expand" / camera, register, manifest, camera, effects, "picture", out)
-        return cv2.imread(str(out / f"{capture}.png"), cv2.IMREAD_GRAYSCALE)
+def examples_of(results, camera):
+    """Return {name: image (H, W, 3), 0..255} of the diagnosis' example, None where it has none."""
+    paths = {name: Path(results) / "diagnosis" / camera / f"example_{name}.png" for name in EXAMPLES}
+    if not all(p.is_file() for p in paths.values()):
+        return None
+    images = {name: 255 * np.atleast_3d(imread(p))[..., :3] for name, p in paths.items()}
+    images = {name: np.repeat(i, 3, axis=2) if i.shape[2] == 1 else i for name, i in images.items()}
+    return images if min(images["real"].shape[:2]) > PATCH_PX else None
 
 
-def aligned(twin, real):
-    """Return the twin moved onto the real image by the homography between markers found in both.
-
-    A capture is off its station by a few pixels, which is no fault of the twin's.
-    """
-    detector = contract.make("aruco_subpix")
-    there, here = ({(d.dictionary, d.id): d.corners for d in detector.detect(i)} for i in (twin, real))
-    both = sorted(there.keys() & here.keys())
-    H, _ = cv2.findHomography(np.concatenate([there[k] for k in both]), np.concatenate([here[k] for k in both]))
-    return cv2.warpPerspective(twin, H, twin.shape[::-1], borderMode=cv2.BORDER_REPLICATE)
-
-
-def show(axes, image, title):
-    """Draw a grey image, or a signed difference (float) in red and blue."""
-    signed = image.dtype != np.uint8
-    style = {"cmap": "RdBu", "vmin": -FULL_SCALE_DN, "vmax": FULL_SCALE_DN}
-    axes.imshow(image, **(style if signed else {"cmap": "gray", "vmin": 0, "vmax": 255}))
-    axes.set_axis_off()
-    axes.set_title(title, fontsize=10)
+def patch_of(images):
+    """Return (rows, columns), slices, of the patch with a print in it where the found effects gain most."""
+    grey = {name: image.mean(axis=2) for name, image in images.items()}
+    before, after = (uniform_filter((grey[name] - grey["real"]) ** 2, PATCH_PX) for name in EXAMPLES[1:])
+    middle = PATCH_PX // 2
+    contrast = maximum_filter(grey["real"], middle) + maximum_filter(-grey["real"], middle)
+    gained = np.where(contrast > EDGE_DN, before - after, -np.inf)
+    half = PATCH_PX // 2
+    inside = gained[half:-half, half:-half]
+    row, column = np.unravel_index(np.argmax(inside), inside.shape)
+    return slice(row, row + 2 * half), slice(column, column + 2 * half)
 
 
-def draw(results, camera):
-    """Return the figure."""
-    run = figures.read_run(results)
-    diagnosis = json.loads((results / f"diagnosis/{camera}.json").read_text())
-    ladder = pd.read_csv(results / f"diagnosis/{camera}/ladder.csv")
-    capture = figures.typical_capture(run, camera)
-    shot = figures.read_capture(run, Path("data/raw") / run.scene["name"], camera, capture)
-    real, ideal = (cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in (shot.real, shot.twin))
-    found = explained_twin(results, camera, diagnosis["steps"], capture)
+def headline(diagnosis):
+    """Return the line above a camera's patches: what was found, or the verdict."""
     names = [s["effect"].replace("_", " ") for s in diagnosis["steps"]]
-    figure = plt.figure(figsize=(11, 5), dpi=100)
-    figure.suptitle(f"{camera}: where the twin fails, what it lacks, and its error falling to the floor (dashed)")
-    grid = figure.add_gridspec(2, 3)
-    show(
-        figure.add_subplot(grid[0, 0]),
-        real,
-        "simulated stand-in" if run.scene["origin"] == "simulated" else "photograph",
-    )
-    for row, (twin, title) in enumerate([(ideal, "ideal twin"), (found, f"twin with {len(names)} effects")]):
-        show(figure.add_subplot(grid[row, 1]), twin, title)
-        show(figure.add_subplot(grid[row, 2]), real.astype(float) - aligned(twin, real), "difference")
-    for axes, (measure, label) in zip(grid[1, 0].subgridspec(1, 2).subplots(), SHOWN.items(), strict=True):
-        axes.plot(ladder.step, ladder[measure], "o-", color=figures.BLUE)
-        axes.plot(ladder.step, ladder[f"{measure}_floor"], "--", color=figures.GREY)
-        axes.set_yscale("log")
-        axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        axes.yaxis.set_minor_formatter(NullFormatter())
-        axes.set_title(label, fontsize=9)
-        axes.set_xticks(ladder.step, ["ideal", *(f"+ {n}" for n in names)], rotation=20, ha="right", fontsize=8)
-        axes.tick_params(axis="y", labelsize=8)
+    found = ", ".join(names) if len(names) <= MOST_NAMED else f"{len(names)} effects"
+    return f"{diagnosis['camera']}: {'+ ' + found if names else diagnosis['verdict']}"
+
+
+def draw_camera(figure, images, diagnosis, ladder):
+    """Draw one camera on a figure: patches of capture and twins, below them the gap and the differences."""
+    rows, columns = patch_of(images)
+    axes = figure.subplots(2, 3)
+    figure.suptitle(headline(diagnosis), fontsize=11, fontweight="bold")
+    titles = ("capture", *(("twin before", "twin after") if diagnosis["steps"] else ("twin", "twin")))
+    for column, (name, title) in enumerate(zip(EXAMPLES, titles, strict=True)):
+        axes[0, column].imshow(np.clip(images[name][rows, columns] / 255, 0, 1), interpolation="nearest")
+        axes[0, column].set_title(title, fontsize=9.5, fontweight="normal")
+        if column:
+            off = (images["real"] - images[name]).mean(axis=2)[rows, columns]
+            axes[1, column].imshow(off, cmap="RdBu", vmin=-FULL_SCALE_DN, vmax=FULL_SCALE_DN, interpolation="nearest")
+            axes[1, column].set_title(
+                f"differs by {np.sqrt((off**2).mean()):.1f} DN", fontsize=9.5, fontweight="normal"
+            )
+    for axis in (*axes[0], *axes[1, 1:]):
+        axis.set_axis_off()
+    draw_gap(axes[1, 0], ladder)
+
+
+def draw_gap(axes, ladder):
+    """Draw the gap of each twin of a ladder as a bar, and the floor as a dashed line."""
+    gap = ladder.gap.to_numpy(float)
+    colours = [figures.GREY] + [figures.BLUE] * (len(gap) - 1)
+    axes.bar(range(len(gap)), gap, color=colours, width=0.7)
+    axes.axhline(1, color=figures.ORANGE, ls="--", lw=1.5)
+    for k, value in enumerate(gap):
+        axes.text(k, value, f"{value:.1f}", ha="center", va="bottom", fontsize=8.5)
+    axes.set_xticks(range(len(gap)), ["ideal", *(f"+{k}" for k in range(1, len(gap)))], fontsize=8.5)
+    axes.set_ylim(0, 1.2 * np.nanmax([*gap, 1]))
+    axes.set_yticks([])
+    axes.spines["left"].set_visible(False)
+    axes.grid(False)
+    axes.set_title("gap, floors", fontsize=9.5, fontweight="normal")
+
+
+def cameras_of(results):
+    """Return [(images, diagnosis, ladder)] of the cameras whose diagnosis has an example."""
+    found = []
+    for path in sorted((Path(results) / "diagnosis").glob("*.json")):
+        diagnosis = json.loads(path.read_text())
+        images = examples_of(results, diagnosis["camera"])
+        ladder = pd.read_csv(path.with_suffix("") / "ladder.csv")
+        if images is not None and len(ladder):
+            found.append((images, diagnosis, ladder))
+    return found
+
+
+def front_figures(results):
+    """Return [(figure, what it shows)], one a camera."""
+    pictures = []
+    for images, diagnosis, ladder in cameras_of(results):
+        figure = plt.figure(figsize=(figures.WIDTH_IN, 3.7))
+        draw_camera(figure, images, diagnosis, ladder)
+        words = (
+            f"{diagnosis['camera']}: {PATCH_PX} pixels of a capture that no fit has seen, of its twin before and after, and how "
+            "far they differ (red: the twin is brighter)"
+        )
+        pictures.append((figure, words))
+    return pictures
+
+
+def draw(results):
+    """Return one figure of all cameras side by side."""
+    cameras = cameras_of(results)
+    figure = plt.figure(figsize=(4.4 * len(cameras), 3.5), dpi=100)
+    for part, camera in zip(np.atleast_1d(figure.subfigures(1, len(cameras))), cameras, strict=True):
+        draw_camera(part, *camera)
     return figure
 
 
@@ -98,4 +134,4 @@ def save(figure, path):
 
 if __name__ == "__main__":
     plt.switch_backend("agg")
-    save(draw(Path(sys.argv[1]), sys.argv[2]), sys.argv[3])
+    save(draw(Path(sys.argv[1])), sys.argv[2])

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from IPython.display import HTML
 
-from rig.safe_yaml import load_yaml
+from inputs.safe_yaml import load_yaml
 
 MARKER = ["dictionary", "id"]
 COLOURS = [figures.BLUE, figures.ORANGE, figures.GREEN, "#CC79A7", figures.GREY, "#E69F00", "#56B4E9"]

@@ -27,9 +27,9 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 import job
 from effects import library
+from inputs.safe_yaml import load_yaml
+from inputs.twins import load_twin
 from rig.errors import InputError
-from rig.safe_yaml import load_yaml
-from rig.twins import load_twin
 
 log = logging.getLogger("twingap")
 

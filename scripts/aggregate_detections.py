@@ -14,10 +14,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 import job
+from inputs.tables import CAMERAS, CAPTURES, DETECTIONS, MARKERS, REGISTERED, STATIONS, read_table
+from reporting.metrics import is_flipped, relative_rotvec_deg
 from rig.geometry import camera_matrix, make_pose, project, station_pose, transform
-from rig.metrics import is_flipped, relative_rotvec_deg
 from rig.plates import marker_corners_world
-from rig.tables import CAMERAS, CAPTURES, DETECTIONS, MARKERS, REGISTERED, STATIONS, read_table
 
 log = logging.getLogger("twingap")
 

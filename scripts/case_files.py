@@ -8,12 +8,12 @@ import numpy as np
 from effects.base import View
 from gap.measure.capture import Codes, Observation, read_rgb
 from gap.problem import MARGIN_PX, Capture, Case, encoding_table
-from rig import tables
+from inputs import tables
+from inputs.images import read_image
+from inputs.scene import load_scene
+from register.registration import prior_of
 from rig.errors import InputError
 from rig.geometry import camera_matrix, make_pose
-from rig.images import read_image
-from rig.registration import prior_of
-from rig.scene import load_scene
 
 OBSERVED = (
     "features",

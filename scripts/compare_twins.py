@@ -17,8 +17,8 @@ from aggregate_detections import CELL_TYPES, FALSE_ID_TYPES, SCHEMAS, aggregate_
 from case_files import load_case
 from detect_captures import detect_image, nominal_camera
 from detectors import contract
+from inputs.tables import DETECTIONS, REGISTERED, read_table
 from make_tables import make_table2
-from rig.tables import DETECTIONS, REGISTERED, read_table
 
 log = logging.getLogger("twingap")
 

@@ -10,9 +10,9 @@ import pandas as pd
 import job
 from detect_markers import read_image
 from detectors import contract
+from inputs.tables import CAPTURES, CORNERS, DETECTION_TIMES, DETECTIONS, MARKERS, read_table, write_table
 from rig.errors import InputError
 from rig.geometry import camera_matrix
-from rig.tables import CAPTURES, CORNERS, DETECTION_TIMES, DETECTIONS, MARKERS, read_table, write_table
 
 log = logging.getLogger("twingap")
 

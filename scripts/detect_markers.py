@@ -16,7 +16,7 @@ import pandas as pd
 
 import job
 from detectors import contract
-from rig import images as stored
+from inputs import images as stored
 from rig.errors import InputError
 
 CORNERS = ["x0", "y0", "x1", "y1", "x2", "y2", "x3", "y3"]

@@ -17,10 +17,12 @@ from gap import ladder, points
 from gap.parameters import fitted_parameters
 from gap.search import MAX_PARAMETERS, MIN_GAIN
 from gap.select_effects import HARDLY_CLOSED, MAX_FLOOR_GAP
-from register_captures import better_finder, board_finder, look_at_captures, usable_views
-from rig import calibration, tables
-from rig.campaign import Board
-from rig.registration import pose_from_plane
+from inputs import tables
+from inputs.campaign import Board
+from register import calibration
+from register.finders import better_finder, board_finder, usable_views
+from register.registration import pose_from_plane
+from register_captures import look_at_captures
 
 log = logging.getLogger("twingap")
 NOT_LOOKED_AT = "board photographs show no known levels, light or stations"

@@ -24,8 +24,8 @@ from gap.score import gap_error, group_gaps, overall_gap
 from gap.search import rank
 from gap.select_effects import verdict
 from gap.where import explained_shares, field_gaps, noise_gaps, plate_gaps
+from inputs import tables
 from job import seed_of
-from rig import tables
 
 log = logging.getLogger("twingap")
 MAX_PLACES, MAX_LEFT = 8, 5

@@ -11,10 +11,10 @@ import numpy as np
 import pandas as pd
 
 import job
-from rig import tables
-from rig.campaign import load_campaign, place_name
+from inputs import tables
+from inputs.campaign import load_campaign, place_name
+from inputs.experiment import load_experiment
 from rig.errors import InputError
-from rig.experiment import load_experiment
 from rig.geometry import split_pose, station_pose
 
 POSE = tables.POSE
@@ -58,12 +58,18 @@ def cameras_of(cameras):
 
 
 def facts_of(file):
-    """Return what scene.json holds: everything of campaign.yaml that is in no table."""
+    """Return what scene.json holds: everything of campaign.yaml that is in no table.
+
+    What ``left_open`` names is what the ideal twin assumes, as nobody has declared it.
+    """
     return {
         "name": file.name,
         "origin": file.origin,
-        "reflectance": file.reflectance.model_dump(),
-        "exposure": file.exposure,
+        "left_open": list(file.left_open),
+        "light": file.assumed("light"),
+        "exposure": file.assumed("exposure"),
+        "white_balance": file.assumed("white_balance"),
+        "reflectance": file.assumed("reflectance").model_dump(),
         "encoding": file.encoding,
         "noise_dn": file.noise_dn,
         "tolerance": file.tolerance.model_dump() if file.tolerance else None,

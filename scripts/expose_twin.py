@@ -16,9 +16,9 @@ from tqdm import tqdm
 import job
 from effects import pipeline
 from effects.base import View
-from rig import tables
+from inputs import tables
+from inputs.render_store import read_station
 from rig.geometry import camera_matrix, make_pose
-from rig.render_store import read_station
 
 log = logging.getLogger("twingap")
 

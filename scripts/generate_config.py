@@ -10,10 +10,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from pydantic import BaseModel
 
+from inputs.config import Config
+from inputs.experiment import CameraSheet, Experiment, RigFile
 from job import write_atomically
-from rig.config import Config
-from rig.experiment import CameraSheet, Experiment, RigFile
-from rig.moving_config import MovingExperiment
+from moving.config import MovingExperiment
 
 CONFIG = Path(__file__).resolve().parents[1] / "config"
 MODELS = {"": Config, "experiments": Experiment, "cameras": CameraSheet, "rigs": RigFile, "moving": MovingExperiment}
@@ -24,7 +24,7 @@ def default_yaml():
     """Return the commented default configuration."""
     lines = [
         "# yaml-language-server: $schema=./schema.json",
-        "# Generated from scripts/rig/config.py by `python scripts/generate_config.py`; your own values go into a file of",
+        "# Generated from scripts/inputs/config.py by `python scripts/generate_config.py`; your own values go into a file of",
         "# yours (`snakemake --configfile mine.yaml`) or after --config.",
     ]
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 import job
-from rig.metrics import kappa_with_interval, mean_with_interval, wilson_interval
+from reporting.metrics import kappa_with_interval, mean_with_interval, wilson_interval
 
 log = logging.getLogger("twingap")
 

@@ -18,10 +18,10 @@ from tqdm import tqdm
 
 import job
 from effects import pipeline
-from rig import render_store, tables
+from inputs import render_store, tables
+from inputs.scene import load_scene
 from rig.errors import InputError
 from rig.geometry import camera_matrix, make_pose, split_pose
-from rig.scene import load_scene
 
 log = logging.getLogger("twingap")
 

@@ -9,9 +9,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-import jinja2
-
 import job
+from reporting.pages import page_of
 
 
 def use_this_environment(scratch):
@@ -34,34 +33,6 @@ def without_clocks(notebook):
         cell.metadata.pop("execution", None)
         cell.id = f"cell-{k}"
     return notebook
-
-
-def title_of(notebook):
-    """Return the notebook's first heading."""
-    for cell in notebook.cells:
-        if cell.cell_type == "markdown" and cell.source.startswith("# "):
-            return cell.source.splitlines()[0][2:]
-    raise ValueError("the notebook has no heading '# ...' that could name its page")
-
-
-def render(template, **values):
-    """Return the HTML of a jinja2 template file, which may extend others beside it."""
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(template).parent),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template(Path(template).name).render(**values)
-
-
-def page_of(notebook, template):
-    """Return the HTML page of an executed notebook, code left out."""
-    from nbconvert import HTMLExporter
-
-    exporter = HTMLExporter(template_name="basic", exclude_input=True, exclude_output_prompt=True, anchor_link_text="")
-    body, _ = exporter.from_notebook_node(notebook)
-    return render(template, title=title_of(notebook), body=body)
 
 
 def run_notebook(source, parameters, template, executed, page):

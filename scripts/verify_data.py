@@ -9,8 +9,8 @@ from pathlib import Path
 from tqdm import tqdm
 
 import job
+from inputs.safe_yaml import load_yaml
 from rig.errors import InputError
-from rig.safe_yaml import load_yaml
 
 log = logging.getLogger("twingap")
 MOST_NAMES = 10

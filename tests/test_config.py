@@ -3,9 +3,9 @@
 import pytest
 
 import generate_config
-from rig.config import check_config
+from inputs.config import check_config
+from inputs.safe_yaml import load_yaml
 from rig.errors import InputError
-from rig.safe_yaml import load_yaml
 
 
 @pytest.mark.parametrize(

@@ -9,9 +9,9 @@ import pytest
 import yaml
 
 from expand_tables import expand_tables
-from rig import tables
+from inputs import tables
+from inputs.experiment import load_experiment
 from rig.errors import InputError
-from rig.experiment import load_experiment
 from rig.geometry import make_pose, transform
 from tiny_campaign import CAPTURES, lay_down
 from workflow_runs import PROJECT

@@ -258,7 +258,7 @@ def test_the_generator_shares_no_code_with_the_project():
     """No import of the project's modules; else a trial would be an inverse crime."""
     bench, scripts = Path(__file__).parent / "bench", Path(__file__).parents[1] / "scripts"
     own = {path.stem for path in scripts.iterdir()}
-    assert {"rig", "effects", "gap", "job", "trials"} <= own
+    assert {"inputs", "rig", "effects", "gap", "job", "trials"} <= own
     for file in (bench / "generator").glob("*.py"):
         assert not {name.split(".")[0] for name in names_imported(file)} & own
     generate = names_imported(scripts / "trials/generate_trials.py")

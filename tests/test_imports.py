@@ -98,6 +98,8 @@ def test_an_effects_edit_reruns_a_boards_verdict(project, module):
     """Fails if the effects, or what they import, are no inputs of the verdict; and if it renders anything."""
     with edited(project / f"scripts/effects/{module}.py", '"""', '"""Edited. '):
         plan = planned(project, "--config", "campaign=board")
+    assert plan.pop("explore_camera") == 2
+    assert plan.pop("build_explorer") == 1
     assert plan == {"diagnose_board": 2, "make_ladder": 1, "run_diagnosis": 1, "build_report": 1}
 
 
@@ -112,8 +114,8 @@ def test_an_effects_edit_reruns_the_verdict_on_markers_and_no_twin(project):
 @pytest.mark.parametrize(
     ("module", "jobs"),
     [
-        ("rig/safe_yaml.py", {"trace_moving": 1, "render_moving": 6, "detect_moving": 4}),
-        ("rig/images.py", {"trace_moving": 0, "render_moving": 0, "detect_moving": 4}),
+        ("inputs/safe_yaml.py", {"trace_moving": 1, "render_moving": 6, "detect_moving": 4}),
+        ("inputs/images.py", {"trace_moving": 0, "render_moving": 0, "detect_moving": 4}),
         ("detectors/bart/tracker.py", {"trace_moving": 0, "render_moving": 0, "detect_moving": 1}),
     ],
 )

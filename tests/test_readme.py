@@ -1,6 +1,7 @@
 """README is what a newcomer types: every command in it is run here as it stands, or as far as a test can go.
 
-A command of README that is not in COMMANDS, or one in COMMANDS that README no longer has, fails.
+So are those of the pages on own campaigns and calibrations. A command of these pages that is not in COMMANDS, or one in
+COMMANDS that they no longer have, fails.
 """
 
 import os
@@ -14,10 +15,16 @@ from pathlib import Path
 
 import pytest
 
+from board_photographs import drawn, lay
+from calibrations.formats import available_formats
+from calibrations.lens import Calibration
+from inputs.campaign import Board
+from rig.targets import target_plate
 from tiny_campaign import lay_down
 from workflow_runs import PROJECT
 
-README = (PROJECT / "README.md").read_text(encoding="utf-8")
+PAGES = ("README.md", "docs/own-campaign.md", "docs/calibrations.md")
+README = "\n\n".join((PROJECT / page).read_text(encoding="utf-8") for page in PAGES)
 PROGRAMS = ("make", "snakemake", "source", "jupyter", "python", "dvc", "cp", "git", "uv", ".tools/bin/uv")
 LONGEST_S = 120
 
@@ -96,7 +103,17 @@ COMMANDS = {
     "jupyter lab results/frame/notebooks": served,
     "python scripts/adopt_effect.py hp325": without_results,
     "snakemake --unlock": as_it_stands,
+    "make board": made("print_board.py charuco", "print_board.py rig config/rigs/ladders.yaml"),
+    "make makers": made("--group makers"),
+    "python scripts/print_board.py charuco --columns 6 --rows 8 --square-mm 30 --out prints/mine.pdf": as_it_stands,
+    "python scripts/print_board.py markers path/to/folder/markers.csv": as_it_stands,
+    "python scripts/start_campaign.py path/to/photographs --square-mm 25": as_it_stands,
+    "snakemake --cores 2 --config campaign=path/to/photographs": planned,
+    "python scripts/export_camera.py hp325 --format opencv": without_results,
+    "python scripts/export_camera.py hp325 --format twin_camera": without_results,
+    "python scripts/export_camera.py path/to/calibration.yaml --format colmap": as_it_stands,
     "snakemake --cores 2 --config campaign=path/to/folder": planned,
+    "snakemake --cores 2 --config campaign=data/raw/aruco6x6_gridboard": planned,
     "snakemake --cores 2 --config experiment=config/experiments/paper.yaml": planned,
     "dvc remote add --default team s3://bucket/twingap": another_remote,
     "dvc remote add --default team ssh://user@host/path/twingap": another_remote,
@@ -126,7 +143,12 @@ class Place:
 
     def __init__(self, folder):
         self.folder = folder / "twingap"
-        self.words = {"path/to/folder": folder / "folder", "/mnt/share/twingap": folder / "share/twingap"}
+        self.words = {
+            "path/to/folder": folder / "folder",
+            "path/to/photographs": folder / "photographs",
+            "path/to/calibration.yaml": folder / "calibration.yaml",
+            "/mnt/share/twingap": folder / "share/twingap",
+        }
         path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
         self.environment = os.environ | {"PATH": path, "GIT_CONFIG_GLOBAL": "/dev/null"}
 
@@ -159,7 +181,11 @@ def place(tmp_path_factory):
             shutil.copy2(PROJECT / name, place.folder / name)
     (place.folder / ".venv").symlink_to(Path(sys.prefix))
     lay_down(folder / "folder")
-    place.run("dvc pull --quiet --remote embedded data/raw/frame.dvc")
+    board = Board(type="charuco", dictionary="DICT_5X5_100", columns=7, rows=10, square_m=0.025, marker_m=0.01875)
+    lay(folder / "photographs", drawn(target_plate(board)))
+    camera = Calibration(640, 480, 500.0, 500.0, 320.0, 240.0, "opencv", (-0.1, 0.01, 0.0, 0.0))
+    (folder / "calibration.yaml").write_text(available_formats()["opencv"].write("mine", camera))
+    place.run("dvc pull --quiet --remote embedded data/raw/frame.dvc data/raw/aruco6x6_gridboard.dvc")
     return place
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rig.metrics import (
+from reporting.metrics import (
     FLIP_DEG,
     cohen_kappa,
     is_flipped,

@@ -15,9 +15,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rig import tables
+from inputs import tables
+from inputs.render_store import read_station
 from rig.geometry import split_pose, station_pose
-from rig.render_store import read_station
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
 SETTINGS = {"device": "cpu", "edge_samples": 32, "overscan": 0.1, "threads": 1}
@@ -154,7 +154,7 @@ def test_full_disk_is_one_message(tmp_path, monkeypatch, caplog, where):
 
         monkeypatch.setattr(blender.renderer, "_read_exr", cut_short)
     else:
-        monkeypatch.setattr("rig.render_store.write_station", full)
+        monkeypatch.setattr("inputs.render_store.write_station", full)
     with caplog.at_level("ERROR"), pytest.raises(SystemExit) as end, job.one_message():
         render_stations(**arguments)
     assert end.value.code == 1

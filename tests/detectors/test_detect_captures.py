@@ -9,8 +9,8 @@ import pytest
 
 from bench.marker_scenes import FOCAL_PX, scene
 from detect_captures import detect_captures
+from inputs.tables import DETECTIONS
 from rig.errors import InputError
-from rig.tables import DETECTIONS
 
 
 @pytest.fixture

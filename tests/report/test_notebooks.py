@@ -9,7 +9,8 @@ import pandas as pd
 import pytest
 
 from aggregate.small_campaign import detection, write, write_tables
-from build_report import build_report, ladder_rows, verdict_words
+from build_report import build_report
+from reporting.sentences import ladder_rows, verdict_words
 from run_notebook import run_notebook
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -57,7 +58,7 @@ def run(tmp_path_factory):
 
 def execute(run, name, out):
     paths = {"results": run, "project": ROOT, "campaign": ""}
-    template = ROOT / "scripts/page_template.html.j2"
+    template = ROOT / "scripts/reporting/page_template.html.j2"
     source = ROOT / f"notebooks/{name}.ipynb"
     run_notebook(source, paths, template, out / f"{name}.ipynb", out / f"{name}.html")
     return out / f"{name}.ipynb", (out / f"{name}.html").read_text(encoding="utf-8")
@@ -100,7 +101,8 @@ def test_report_joins_pages_and_says_simulated(run):
         run / "provenance.json",
         [],
         None,
-        ROOT / "scripts/report_template.html.j2",
+        "explore.html",
+        ROOT / "scripts/reporting/report_template.html.j2",
         page,
     )
     html = page.read_text(encoding="utf-8")
@@ -108,6 +110,7 @@ def test_report_joins_pages_and_says_simulated(run):
     assert "2 captures" in html and "rig with 4 markers" in html
     assert "of 6 markers in the pictures, aruco finds 66.7 %" in html
     assert html.count("data:image/") == 1
+    assert 'href="explore.html"' in html
     assert 'href="tables.html"' in html and 'href="../tables/table1.csv"' in html
 
 
