@@ -206,6 +206,12 @@ def code_of_effects(names):
     return with_imports(f"scripts/effects/{name}.py" for name in names)
 
 
+def effects_that_look():
+    """Return the names of effects that read starts off captures, found without importing any."""
+    files = sorted(Path("scripts/effects").glob("*.py"))
+    return [f.stem for f in files if "\ndef starts_from(" in f.read_text("utf-8")]
+
+
 def with_imports(files):
     """Return Python files and all that they import, sorted."""
     files = list(files)

@@ -81,14 +81,16 @@ def save_observations(file, case):
     """Write what was measured in all captures to an open npz file; the same bytes for the same numbers."""
     arrays = {name: np.stack([getattr(c.observation, name) for c in case.captures]) for name in OBSERVED}
     arrays["noise_variance"] = np.array([c.noise_variance for c in case.captures])
+    arrays["starts"] = np.array([json.dumps(c.starts, sort_keys=True) for c in case.captures])
     np.savez_compressed(file, **arrays)
 
 
 def load_observations(path, case):
     """Put what ``save_observations`` wrote back into the case's captures."""
     with np.load(path) as stored:
-        arrays = {name: stored[name] for name in (*OBSERVED, "noise_variance")}
+        arrays = {name: stored[name] for name in (*OBSERVED, "noise_variance", "starts")}
     for i, capture in enumerate(case.captures):
         values = {name: arrays[name][i] for name in OBSERVED}
         capture.observation = Observation(**values)
         capture.noise_variance = float(arrays["noise_variance"][i])
+        capture.starts = json.loads(str(arrays["starts"][i]))

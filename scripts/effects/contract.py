@@ -22,6 +22,7 @@ HOOKS = {  # functions that an effect may have, with their parameters
     "variance": ("linear", "p"),
     "noise_gain": ("p",),
     "reach_px": ("p",),
+    "starts_from": ("image",),
 }
 NEEDED = ("STAGE", "ORDER", "AFFECTS", "PARAMETERS")
 OPTIONAL = ("STARTS", "CHROMATIC", "MAKES_COLOUR", "MIXES_CHANNELS")

@@ -51,6 +51,11 @@ SAMPLING = {False: cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420, True: cv2.IMWRITE_JPEG_
 NO_NOISE = 1e-6
 ROUNDING_DN = 12**-0.5  # standard deviation of what rounding to whole levels adds
 TO_RGB = np.linalg.inv(TO_YCC).astype(np.float32)
+# Of steps that are read off an image: frequencies, what rounding to whole levels adds, what counts as 0, outliers' share
+LOW_FREQUENCIES = np.array([(u, v) for u in range(BLOCK) for v in range(BLOCK) if 0 < u + v < 5])
+LEVEL_ERROR_DN, NEAR_0_DN, ANYWHERE, LIVELY = 0.35, 1.5, 0.2, 3
+CLEAR_STEPS, ENOUGH_COEFFICIENTS, WITHIN_SQUARES = 0.2, 200, 0.6
+QUALITIES_SEEN = range(5, 97)
 
 
 def compressed(pixels, quality, full_colour):
@@ -295,6 +300,59 @@ def apply(image, view, p, rng):
     pixels = np.clip(np.rint(image[frame]), 0, 255).astype(np.uint8)
     out[frame] = sum(np.float32(share) * compressed(pixels, q, full_colour) for q, share in qualities(p["loss"]))
     return out
+
+
+def starts_from(image):
+    """Return the quality, and the way of colour, that an image's own coefficients show; None where they show no steps.
+
+    Decoded, coefficients still lie near multiples of their table's entries. Of all qualities that with the largest likelihood
+    ratio to coefficients that lie anywhere is taken. Source: Fridrich and Goljan, "Reliable detection of LSB steganography"
+    (2003), and Neelamani et al., "JPEG compression history estimation for color images" (2006).
+    """
+    pixels = np.ascontiguousarray(image, np.float32)
+    in_colour = image.shape[2] == 3
+    planes = _brightness_and_colours(pixels, TO_YCC) if in_colour else pixels.transpose(2, 0, 1)
+    coefficients = _lively_coefficients(planes[0])
+    gain, quality = max((_steps_seen(coefficients, tables(q)[0][*LOW_FREQUENCIES.T]), q) for q in QUALITIES_SEEN)
+    if gain < CLEAR_STEPS:
+        return None
+    return {"loss": 100.0 - quality, "full_colour": float(in_colour and _is_in_full(planes[1:], tables(quality)[1]))}
+
+
+def _lively_coefficients(plane):
+    """Return the low cosine coefficients (blocks, k) of those whole blocks of a plane that have several.
+
+    Levels are rounded after decoding: in a block of one level all are off alike, and that is no noise.
+    """
+    rows, columns = (n - n % BLOCK for n in plane.shape)
+    blocks = plane[:rows, :columns].reshape(rows // BLOCK, BLOCK, columns // BLOCK, BLOCK).swapaxes(1, 2)
+    coefficients = (COSINES @ blocks.reshape(-1, BLOCK, BLOCK) @ COSINES_BACK)[:, *LOW_FREQUENCIES.T]
+    return coefficients[(np.abs(coefficients) > NEAR_0_DN).sum(1) >= LIVELY]
+
+
+def _steps_seen(coefficients, steps):
+    """Return the mean log likelihood ratio of coefficients (n, k) near multiples of their steps (k,) to lying anywhere.
+
+    Those near 0 tell nothing; it is 0 where too few are left.
+    """
+    off = coefficients - steps * np.rint(coefficients / steps)
+    near = np.exp(-0.5 * (off / LEVEL_ERROR_DN) ** 2) / (LEVEL_ERROR_DN * math.sqrt(2 * math.pi))
+    ratios = np.log((1 - ANYWHERE) * near * steps + ANYWHERE)[np.abs(coefficients) > NEAR_0_DN]
+    return float(ratios.mean()) if len(ratios) >= ENOUGH_COEFFICIENTS else 0.0
+
+
+def _is_in_full(planes, table):
+    """Return whether planes of colour (2, rows, columns) were stored in full: in steps of their table.
+
+    Where they are too flat for steps to be seen: with changes within squares of two blocks as large as between them.
+    """
+    gain = _steps_seen(np.concatenate([_lively_coefficients(p) for p in planes]), table[*LOW_FREQUENCIES.T])
+    if gain:
+        return gain > CLEAR_STEPS
+    rows, columns = (n - n % (2 * BLOCK) for n in planes.shape[1:])
+    means = planes[:, :rows, :columns].reshape(2, rows // BLOCK, BLOCK, columns // BLOCK, BLOCK).mean((2, 4))
+    steps = np.diff(means, axis=2) ** 2
+    return bool(steps[..., ::2].mean() > WITHIN_SQUARES * steps[..., 1::2].mean())
 
 
 def noise_gain(p):

@@ -31,6 +31,14 @@ def starts_of(name):
     return [nulls_of(name) | start for start in getattr(effect_named(name), "STARTS", ({},))]
 
 
+def starts_seen(image):
+    """Return {effect: {parameter: value}}: the starts that a real image (H, W, 1 or 3) of grey levels shows by itself."""
+    found = {
+        n: module.starts_from(image) for n, module in available_effects().items() if hasattr(module, "starts_from")
+    }
+    return {name: start for name, start in found.items() if start is not None}
+
+
 def discrete_parameters(name):
     """Return the names of the parameters with which an effect's image changes by leaps."""
     return [key for key, p in parameters_of(name).items() if p.discrete]

@@ -31,9 +31,14 @@ class Discrete:
                 best = self.best_values(name, p, effects[:k] + effects[k + 1 :], leaping, poses)
                 if any(abs(best[d] - p[d]) >= 1 for d in leaping):
                     effects[k] = name, best
-            if choices and name != new:
+            if choices and name != new and self._matters_beside(effects, k, new, choices):
                 effects[k] = name, self._best_choices(effects, k, new, choices, poses)
         return tuple(effects)
+
+    def _matters_beside(self, effects, k, new, names):
+        """Return whether a new effect tells ways apart that the k-th effect's choices ``names`` had alike before."""
+        without = [e for e in effects if e[0] != new]
+        return len(ways_of(effects, k, names)) > len(ways_of(without, without.index(effects[k]), names))
 
     def _best_choices(self, effects, k, new, names, poses):
         """Return the parameters of the k-th effect with its best choices ``names``: each fitted in a few captures with the new
@@ -43,18 +48,12 @@ class Discrete:
         free = [
             f for f in fitted_parameters(effects) if f[0] in (name, new) and f not in self.fixed and not is_geometric(f)
         ]
-        ways = {pipeline.key_of(effects): known}
-        for values in itertools.product(*(whole_values((name, choice)) for choice in names)):
-            p = known | dict(zip(names, values, strict=True))
-            ways.setdefault(pipeline.key_of([*effects[:k], (name, p), *effects[k + 1 :]]), p)
-        if len(ways) == 1:
-            return known
 
         def loss(p):
             others = [*effects[:k], (name, p), *effects[k + 1 :]]
             return self.solver.fit(others, free, poses, probes(self.train), ITERATIONS_OF_CHOICES).loss
 
-        return min(ways.values(), key=loss)
+        return min(ways_of(effects, k, names).values(), key=loss)
 
     def with_choices(self, effect, state):
         """Return the effects of a fitted State, one of them with the best values of what no fit moves."""
@@ -92,6 +91,16 @@ class Discrete:
             tried |= set(itertools.product(*(near(v, (effect, n)) for v, n in zip(values, names, strict=True))))
         best = min(sorted(tried, key=lambda values: (values != at, values)), key=loss)
         return known | dict(zip(names, best, strict=True))
+
+
+def ways_of(effects, k, names):
+    """Return {image key: parameters} of the k-th effect with all choices ``names`` that make other images, its own first."""
+    name, known = effects[k]
+    ways = {pipeline.key_of(effects): known}
+    for values in itertools.product(*(whole_values((name, choice)) for choice in names)):
+        p = known | dict(zip(names, values, strict=True))
+        ways.setdefault(pipeline.key_of([*effects[:k], (name, p), *effects[k + 1 :]]), p)
+    return ways
 
 
 def whole_values(parameter):

@@ -5,7 +5,7 @@ Derivatives are {capture index: (Jt, Jp)}: of the whitened prediction by k free 
 
 import numpy as np
 
-from gap.residuals import FEATURE_FLOOR, NU, flatten
+from gap.residuals import FEATURE_FLOOR, GROUPS, NU, flatten
 
 SHARED = 0.25  # of the features' floors, what all plates of all captures may have in common
 TELLING = 0.25  # squared standard errors from which a step corrects derivatives
@@ -22,6 +22,24 @@ def normal_equations(derivatives, groups, nu, prior):
         H, g = H + H_i, g + g_i
         blocks.append((i, *block))
     return H, g, blocks
+
+
+def gains_of_step(d, derivatives, groups, blocks, nu):
+    """Return the loss (groups,) in the order of GROUPS that a step d (k,) gains to second order, each pose going along.
+
+    ``blocks`` are those of ``normal_equations``.
+    """
+    out = dict.fromkeys(GROUPS, 0.0)
+    for i, A, b, C in blocks:
+        Jt, Jp = derivatives[i]
+        y = flatten(groups[i])
+        after = y - Jt @ d - Jp @ np.linalg.solve(A, b - C @ d)
+        gains, at = (y * y - after * after) / (1 + y * y / nu), 0
+        for name in GROUPS:
+            if name in groups[i]:
+                out[name] += gains[at : at + groups[i][name].size].sum()
+                at += groups[i][name].size
+    return np.array(list(out.values()))
 
 
 def errors_of(covariance, derivatives, groups, precision, whiteners):

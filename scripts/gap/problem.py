@@ -1,5 +1,6 @@
 """One camera of a campaign as the fit sees it: nominal scene, observed captures, predictions of the twin."""
 
+from collections import Counter
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -20,6 +21,7 @@ from rig.geometry import perturb_pose, project
 
 SCENES_KEPT = 64
 GEOMETRY_KEPT_PX = 20_000_000  # 400 MB
+MIN_SHARE_SHOWING = 0.25  # of the captures, that show the same start of an effect
 MARGIN_PX = 24  # what blurs and filters see beyond the frame
 
 
@@ -43,12 +45,15 @@ def code_corners_world(plate):
 
 @dataclass
 class Capture:
-    """One capture: its nominal view, what was measured in the real image, and its noise variance (squared levels)."""
+    """One capture: its nominal view, what was measured in the real image, its noise variance (squared levels), and the
+    {effect: start} that it shows by itself.
+    """
 
     view: object
     trial: int
     observation: object = None
     noise_variance: float = 1.0
+    starts: dict = field(default_factory=dict)
 
 
 @dataclass
@@ -69,6 +74,17 @@ class Case:
     _prints: list = field(default_factory=list)
     _geometry: dict = field(default_factory=dict)
     normal_numbers: dict = field(default_factory=dict)  # of each capture and step of image formation, drawn once
+
+    def shows(self, effect):
+        """Return the start {parameter: value} of an effect that many captures show alike, empty where they show none."""
+        seen = Counter(tuple(sorted(c.starts[effect].items())) for c in self.captures if effect in c.starts)
+        start, number = max(seen.items(), key=lambda s: (s[1], s[0]), default=((), 0))
+        return dict(start) if number >= MIN_SHARE_SHOWING * len(self.captures) else {}
+
+    def starts_of(self, effect):
+        """Return the starts [{parameter: value}] of an effect's fit: what many captures show alike, or else the effect's own."""
+        shown = self.shows(effect)
+        return [library.nulls_of(effect) | shown] if shown else library.starts_of(effect)
 
     # -- geometry ---------------------------------------------------------------------------------------------
 
@@ -210,6 +226,7 @@ class Case:
         capture.observation, capture.noise_variance = observe(
             image, starts, outlines, wanted, capture.view, self.codes, COARSE_TO_FINE
         )
+        capture.starts = library.starts_seen(image)
 
     def found_corners(self, image, starts):
         """Return (corners (p, 4, 2), found (p,)): what ArUco finds of the rig, false finds far off or askew left out."""

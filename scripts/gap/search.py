@@ -4,12 +4,13 @@ Losses are sums of the robust loss over whitened residuals (gap.residuals); gaps
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from effects import library, pipeline
 from gap.discrete import Discrete
-from gap.normal_equations import normal_equations
+from gap.normal_equations import gains_of_step, normal_equations
 from gap.parameters import (
     fitted_parameters,
     get_parameter,
@@ -19,13 +20,16 @@ from gap.parameters import (
     priors_of,
     spec,
 )
-from gap.residuals import NU, flatten, lost_plates, rho, total, width_of
+from gap.residuals import GROUPS, NU, flatten, lost_plates, rho, total, width_of
 from gap.score import floors_of, group_gaps, group_losses
 from gap.solver import Solver
 from gap.split import probes, split_by_station, thinned, usable
 from gap.twin import Candidate, Twin
 
 SCALE_FROM_AFAR, SCALE_FROM_NEAR = 16.0, 2.0  # robust scale at which a fit of corners begins
+SCALE_FROM_START = (
+    8.0  # robust scale, in those of the residuals, at which a fit of images begins from an effect's start
+)
 MAX_PARAMETERS = 12  # of an effect that is no free warp, and of a base that is fitted beside a candidate
 MIN_GAIN = 25.0  # in loss: less is not worth a fit, nor a name
 CLEAR_EVIDENCE = 16.0  # times MIN_GAIN that taking an effect out costs to second order: a refit need not tell
@@ -68,8 +72,12 @@ class Search:
         return None
 
     def free(self, effects):
-        """Return [(effect, parameter)] of all that a fit of a list of effects may move."""
-        return [f for f in fitted_parameters(effects) if f not in self.fixed]
+        """Return [(effect, parameter)] of all that a fit of a list of effects may move: not what the captures show."""
+        return [f for f in fitted_parameters(effects) if f not in self.fixed and not self.is_read(f)]
+
+    def is_read(self, parameter):
+        """Return whether the captures show the value of (effect, parameter) by themselves: a whole number."""
+        return spec(parameter).discrete and self.problem.shows(parameter[0])
 
     def is_fixed(self, name):
         """Return whether the user wrote some value of an effect."""
@@ -77,8 +85,11 @@ class Search:
 
     # -- twins --------------------------------------------------------------------------------------------------------
 
-    def fitted(self, effects, poses=None):
-        """Return the Twin of some effects, all that is free fitted to the training captures from the values given."""
+    def fitted(self, effects, poses=None, scale=1.0):
+        """Return the Twin of some effects, all that is free fitted to the training captures from the values given.
+
+        ``scale`` is the robust scale at which a fit of images begins, in those of the residuals.
+        """
         free = self.free(effects)
         geometric = [f for f in free if is_geometric(f)]
         if poses is None:
@@ -87,7 +98,7 @@ class Search:
         else:  # near: corners tell more than points once what their fit adds is known
             offsets, scale = self.solver.offsets_of(effects, poses, self.train), SCALE_FROM_NEAR
         effects, poses = self.solver.fit_geometry(effects, geometric, poses, offsets, self.train, scale, iterations=10)
-        return self.scored(self.solver.fit(effects, free, poses, self.train, iterations=20, with_geometry=False), free)
+        return self.scored(self.solver.fit(effects, free, poses, self.train, 20, scale, with_geometry=False), free)
 
     def scored(self, fit, free, floors=None):
         """Return the Twin of a gap.solver.Fit, its held-out poses fitted; its own floors where none are given."""
@@ -118,14 +129,21 @@ class Search:
 
         A fit does not leap: discrete parameters of the other effects are compared once more beside the new one.
         """
-        twin = self.fitted(candidate.twin.effects, candidate.twin.poses)
+        twin = candidate.twin
+        if not candidate.complete:
+            twin = self.fitted(twin.effects, twin.poses)
         compared = self.discrete.compared_once_more(list(twin.effects), candidate.effect, twin.poses)
         if compared == twin.effects:
             return twin
         return min(twin, self.fitted(compared, twin.poses), key=lambda t: t.loss)
 
     def without_unneeded(self, twin, name):
-        """Return the Twin without an effect, refitted, where it is as good on the held-out captures; None where it is not."""
+        """Return the Twin without an effect, refitted, where it is as good on the held-out captures; None where it is not.
+
+        What the captures show by themselves is there.
+        """
+        if self.problem.shows(name):
+            return None
         # A free warp makes up for more than a second order tells
         beside_warp = any(len(p) > MAX_PARAMETERS for _, p in twin.effects)
         if twin.evidence.get(name, 0.0) > CLEAR_EVIDENCE * MIN_GAIN and not beside_warp:
@@ -139,10 +157,10 @@ class Search:
     def predicted_gains(self, twin, names):
         """Return {effect: training loss that it could gain to first order} of some effects that the twin has not."""
         predict = self.gain_predictor(twin)
-        return {name: predict(name) for name in names if name not in twin.names}
+        return {name: sum(predict(name).values()) for name in names if name not in twin.names}
 
     def gain_predictor(self, twin):
-        """Return a function of an effect that the twin has not: the training loss that it could gain to first order.
+        """Return a function of an effect that the twin has not: the training loss {group: gain} it could gain to first order.
 
         About its null, the twin's own parameters going along, or towards one of its starts: a prediction for each parameter
         and start. What promises next to nothing need not be fitted.
@@ -158,9 +176,9 @@ class Search:
         return indices, groups, NU * width_of(groups) ** 2
 
     def _beside(self, twin, probed):
-        """Return the derivatives {i: (n, k)} of the probes by the twin's free parameters; None where they are none or many."""
+        """Return the derivatives {i: (n, k)} of the probes by the twin's free parameters; None where they are none."""
         free = self.free(twin.effects)
-        if not 0 < len(free) <= MAX_PARAMETERS:
+        if not free:
             return None
         return {i: Jt for i, (Jt, _) in self.solver.derivatives(twin.effects, free, twin.poses, probed[0]).items()}
 
@@ -170,19 +188,24 @@ class Search:
         effects = [*twin.effects, (effect, library.nulls_of(effect))]
         derivatives = self.solver.derivatives(effects, free, twin.poses, indices, start_step)
         if beside is None:
-            gain = first_order_gain(effects, free, derivatives, groups, nu)
+            gains = first_order_gains(effects, free, derivatives, groups, nu)
         else:
             own = self.free(twin.effects)
             alone = {i: (beside[i], Jp) for i, (_, Jp) in derivatives.items()}
             together = {i: (np.hstack([Jt, beside[i]]), Jp) for i, (Jt, Jp) in derivatives.items()}
-            gain = first_order_gain(effects, free + own, together, groups, nu)
-            gain -= first_order_gain(effects, own, alone, groups, nu)
-        starts = library.starts_of(effect)
-        towards, _ = self._gains_of_starts(twin, effect, starts, probed) if len(starts) > 1 else ([], [])
-        return max([gain * len(self.train) / max(len(indices), 1), *towards])
+            gains = first_order_gains(effects, free + own, together, groups, nu)
+            gains -= first_order_gains(effects, own, alone, groups, nu)
+        starts = self.problem.starts_of(effect)
+        towards, _ = (
+            self._gains_of_starts(twin, effect, starts, probed)
+            if len(starts) > 1 or starts != library.starts_of(effect)
+            else ([], [])
+        )
+        best = max([gains, *towards], key=np.sum)
+        return dict(zip(GROUPS, best * len(self.train) / max(len(indices), 1), strict=True))
 
     def _gains_of_starts(self, twin, effect, starts, probed):
-        """Return for each of an effect's starts what going some of the way there gains, and the loss of the start itself.
+        """Return for each of an effect's starts what going some way there gains (groups,), and the loss of the start itself.
 
         The first sees a highlight from afar, the second what a start comes near to though the way there is crooked.
         """
@@ -197,8 +220,8 @@ class Search:
         gains, losses = [], []
         for start in starts:
             ways = self.solver.ways(twin.effects, [*twin.effects, (effect, start)], twin.poses, indices)
-            H, g, _ = normal_equations(ways, groups, nu, (np.zeros((1, 1)), np.zeros(1)))
-            gains.append(float(max(g[0], 0.0) ** 2 / max(H[0, 0], 1e-12)) * len(self.train) / len(indices))
+            H, g, blocks = normal_equations(ways, groups, nu, (np.zeros((1, 1)), np.zeros(1)))
+            gains.append(gains_of_step(np.maximum(g, 0) / np.maximum(H[0], 1e-12), ways, groups, blocks, nu))
             losses.append(sum(rho(flatten(groups[i]) - ways[i][0][:, 0], nu).sum() for i in indices))
         return gains, losses
 
@@ -213,24 +236,38 @@ class Search:
 
         At its null where a Candidate ``lead`` leaves much less open in a few captures.
         """
-        free = [(effect, k) for k in library.fitted_parameters(effect)]
-        starts = [[*twin.effects, (effect, start)] for start in self._likely_starts(twin, effect)]
-        start = starts[0]
-        if len(starts) > 1 or lead:
-            probe = probes(self.train)
-            few = ITERATIONS_OF_RIVALS if lead else ITERATIONS_OF_STARTS
-            fits = [self.solver.fit(s, free, twin.poses, probe, iterations=few, scale=8.0) for s in starts]
-            best = min(fits, key=lambda f: f.loss)
-            if lead and best.loss > MAX_BEHIND * self._loss(lead.twin, probe):
-                return self.null_candidate(twin, effect)
-            start = best.state.effects
+        free = self.free([(effect, library.nulls_of(effect))])
+        start = self._start(twin, effect, free, lead)
+        if start is None:
+            return self.null_candidate(twin, effect)
         free += beside
-        fit = self.solver.fit(start, free, twin.poses, self.train, iterations=9, scale=8.0)
+        fit = self.solver.fit(start, free, twin.poses, self.train, iterations=9, scale=SCALE_FROM_START)
         chosen = self.discrete.with_choices(effect, fit.state)
         if chosen != fit.state.effects:
-            other = self.solver.fit(chosen, free, fit.state.poses, self.train, iterations=9, scale=8.0)
+            other = self.solver.fit(chosen, free, fit.state.poses, self.train, iterations=9, scale=SCALE_FROM_START)
             fit = min(fit, other, key=lambda f: f.loss)
         return self._candidate(twin, effect, self.scored(fit, free, twin.floors))
+
+    def try_jointly(self, twin, effect):
+        """Return the complete Candidate of one effect added to a twin: what has no rival needs no fit of its own first."""
+        start = self._start(twin, effect, self.free([(effect, library.nulls_of(effect))]))
+        new = self.fitted(start, twin.poses, SCALE_FROM_START)
+        chosen = self.discrete.with_choices(effect, new)
+        if chosen != list(new.effects):
+            new = min(new, self.fitted(chosen, new.poses), key=lambda t: t.loss)
+        return replace(self._candidate(twin, effect, new), complete=True)
+
+    def _start(self, twin, effect, free, lead=None):
+        """Return the effects from which a fit of one more starts; None where a Candidate ``lead`` leaves much less open."""
+        starts = [[*twin.effects, (effect, start)] for start in self._likely_starts(twin, effect)]
+        if len(starts) == 1 and not lead:
+            return starts[0]
+        probe, few = probes(self.train), ITERATIONS_OF_RIVALS if lead else ITERATIONS_OF_STARTS
+        fits = [self.solver.fit(s, free, twin.poses, probe, iterations=few, scale=SCALE_FROM_START) for s in starts]
+        best = min(fits, key=lambda f: f.loss)
+        if lead and best.loss > MAX_BEHIND * self._loss(lead.twin, probe):
+            return None
+        return best.state.effects
 
     def _loss(self, twin, indices):
         """Return the loss of a twin on some of the fitted captures."""
@@ -238,15 +275,15 @@ class Search:
 
     def _likely_starts(self, twin, effect):
         """Return those of an effect's starts that are worth a short fit."""
+        starts = self.problem.starts_of(effect)
+        if len(starts) <= MAX_STARTS:
+            return starts
         discrete = [k for k in library.discrete_parameters(effect) if not spec((effect, k)).is_choice]
         if discrete:
             nulls = library.nulls_of(effect)
             return [self.discrete.best_values(effect, nulls, list(twin.effects), discrete, twin.poses)]
-        starts = library.starts_of(effect)
-        if len(starts) <= MAX_STARTS:
-            return starts
         gains, losses = self._gains_of_starts(twin, effect, starts, self._probed(twin))
-        chosen = {*np.argsort(gains)[-MAX_STARTS:], *np.argsort(losses)[:MAX_STARTS]}
+        chosen = {*np.argsort(np.sum(gains, axis=1))[-MAX_STARTS:], *np.argsort(losses)[:MAX_STARTS]}
         return [starts[k] for k in sorted(chosen)]
 
     def _candidate(self, base, effect, twin):
@@ -277,12 +314,16 @@ def start_step(parameter, value):
     return max(steps, key=abs) if steps else image_step(parameter, value)
 
 
-def first_order_gain(effects, free, derivatives, groups, nu):
-    """Return the loss that a Gauss-Newton step of the free parameters would gain: a score test's statistic."""
-    H, g, _ = normal_equations(derivatives, groups, nu, prior_equations(effects, free))
+def first_order_gains(effects, free, derivatives, groups, nu):
+    """Return the loss (groups,) that a Gauss-Newton step of the free parameters would gain, a score test's statistic.
+
+    Groups are in the order of GROUPS.
+    """
+    H, g, blocks = normal_equations(derivatives, groups, nu, prior_equations(effects, free))
     scale = np.sqrt(np.maximum(np.diag(H), 1e-12))
     g, H = g / scale, H / np.outer(scale, scale)
-    return float(g @ np.linalg.lstsq(H + 1e-6 * np.eye(len(g)), g, rcond=None)[0])
+    step = np.linalg.lstsq(H + 1e-6 * np.eye(len(g)), g, rcond=None)[0] / scale
+    return gains_of_step(step, derivatives, groups, blocks, nu)
 
 
 def evidence_of(effects, free, precision):

@@ -15,6 +15,7 @@ from gap.twin import Twin
 
 MAX_TRIED, MAX_TRIED_AGAIN = 6, 4  # candidates that are fitted at first and in later steps; others stay at their null
 MIN_SHARE_OF_BEST = 0.03  # of the largest predicted gain: less is not fitted in this step
+MAX_UNDERSTATED = 3.0  # times the predicted gain that an effect may really have
 RIVALS = 0.7  # share of the largest predicted gain from which an effect is tried that can only be another name
 MIN_SHARE = 0.15  # of what is left above the floor, that a candidate must gain: less is a patch on a wrong form
 MIN_SHARE_OF_GROUP = 0.6  # of the excess of one group of observables, that is enough as well
@@ -236,21 +237,27 @@ def try_promising(search, twin, names, most, beside=(), known=None):
     if not any(is_missing(c, twin.excess) for c in tried.values()):
         gains |= {n: predict(n) for n in names if n not in gains}
         tried = _fitted_ones(search, twin, gains, most, beside, tried)
-    return rank(tried.get(n) or search.null_candidate(twin, n) for n in names), known | gains
+    candidates = rank(tried.get(n) or search.null_candidate(twin, n) for n in names)
+    return candidates, known | {n: sum(by_group.values()) for n, by_group in gains.items()}
 
 
-def _fitted_ones(search, twin, gains, most, beside, tried):
-    """Return {effect: Candidate} of those tried before and of those effects that promise most.
+def _fitted_ones(search, twin, by_group, most, beside, tried):
+    """Return {effect: Candidate} of those tried before and of those that promise most, ``by_group`` {effect: {group: gain}}.
 
-    They are fitted in the order of their predicted gains. Once one is worth its name, only its rivals are of interest: what
-    else is missing is seen better beside it.
+    They are fitted in the order of their predicted gains, none that promises far less than it would have to gain. Once one is
+    worth its name, only its rivals are of interest: what else is missing is seen better beside it.
     """
-    tried = dict(tried)
-    promising = [n for n in sorted(gains, key=lambda n: (-gains[n], n)) if gains[n] >= MIN_GAIN][:most]
+    tried, gains = dict(tried), {n: sum(g.values()) for n, g in by_group.items() if can_be_missing(n, g, twin.excess)}
+    promising = sorted(gains, key=lambda n: (-gains[n], n))[:most]
+    alone = twin.names and not any(gains[n] >= RIVALS * gains[promising[0]] for n in promising[1:])
     for name in promising:
         lead = next((c for c in rank(tried.values()) if is_missing(c, twin.excess)), None)
         least = RIVALS if lead else MIN_SHARE_OF_BEST
-        if name not in tried and gains[name] >= least * gains[promising[0]]:
+        if name in tried or gains[name] < least * gains[promising[0]]:
+            continue
+        if alone and name == promising[0] and not is_flexible(name):
+            tried[name] = search.try_jointly(twin, name)
+        else:
             tried[name] = search.try_effect(twin, name, beside, lead)
     return tried
 
@@ -263,31 +270,43 @@ def try_beside_others(search, twin, names, known):
     """
     candidates, gains = try_promising(search, twin, names, MAX_TRIED_AGAIN, known=known)
     free = search.free(twin.effects)
-    tried = [c.effect for c in candidates if c.fitted]
+    tried = [c.effect for c in candidates if c.fitted and not c.complete]
     if not tried or is_missing(candidates[0], twin.excess) or len(free) > MAX_PARAMETERS:
         return candidates, gains
-    others = [c for c in candidates if not c.fitted]
+    others = [c for c in candidates if c.effect not in tried]
     return rank([*others, *(search.try_effect(twin, n, free) for n in tried)]), gains
 
 
-def is_missing(candidate, excess):
-    """Return whether a candidate's held-out gain is more than chance, on most stations, matters, and closes enough.
+def can_be_missing(name, predicted, excess):
+    """Return whether an effect's predicted gain {group: gain} is MAX_UNDERSTATED times too small to be enough, or more."""
+    amply = {group: MAX_UNDERSTATED * gain for group, gain in predicted.items()}
+    return sum(predicted.values()) >= MIN_GAIN and is_enough(amply, sum(amply.values()), least_gain(name), excess)
 
-    Enough is a good share of all that is left, or most of what is left in one group of observables (``excess``).
-    """
-    enough = candidate.gain > MIN_SHARE * sum(excess.values()) or closes_a_group(candidate, excess)
+
+def is_missing(candidate, excess):
+    """Return whether a candidate's held-out gain is more than chance, on most stations, matters, and closes enough."""
+    least = least_gain(candidate.effect)
     return bool(
-        enough
+        is_enough(candidate.group_gains, candidate.gain, least, excess)
         and candidate.is_significant
-        and candidate.gain > MIN_GAIN + 2 * len(candidate.parameters)
+        and candidate.gain > least
         and candidate.stations_gaining >= MIN_STATIONS
     )
 
 
-def closes_a_group(candidate, excess):
-    """Return whether most of what is left in one group of observables is gained."""
-    least = MIN_GAIN + 2 * len(candidate.parameters)
-    return any(gain > max(least, MIN_SHARE_OF_GROUP * excess[name]) for name, gain in candidate.group_gains.items())
+def least_gain(name):
+    """Return the gain in loss that an effect needs, each parameter charged."""
+    return MIN_GAIN + 2 * len(library.parameters_of(name))
+
+
+def is_enough(by_group, gain, least, excess):
+    """Return whether a gain, ``by_group`` of observables, is a good share of all that is left (``excess``) or most of a group's.
+
+    The latter only if it is ``least`` or more.
+    """
+    if gain > MIN_SHARE * sum(excess.values()):
+        return True
+    return any(g > max(least, MIN_SHARE_OF_GROUP * excess[name]) for name, g in by_group.items())
 
 
 def confused_with(problem, best, candidates):

@@ -58,7 +58,8 @@ class Twin:
 class Candidate:
     """What came of one effect added to a base: the ``twin``, and what it gains over the base.
 
-    ``gap`` and ``groups`` are in units of ``floors``, the base's; an effect that was not fitted is at its null.
+    ``gap`` and ``groups`` are in units of ``floors``, the base's; an effect that was not fitted is at its null. Where it is
+    ``complete``, all effects of the twin were refitted with it.
     """
 
     effect: str
@@ -66,6 +67,7 @@ class Candidate:
     twin: Twin
     floors: dict
     fitted: bool
+    complete: bool = False
     gain: float = 0.0
     gain_se: float = float("nan")
     stations_gaining: float = 0.0
