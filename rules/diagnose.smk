@@ -65,6 +65,7 @@ rule diagnose_camera:
         free=free_parameters,
         candidates=CANDIDATES,
         budget=config["diagnose"]["budget"],
+        kept=f"{RESULTS}/kept/{{camera}}",
         pins=locked("numpy", "scipy", "numba", "opencv-contrib-python-headless"),
     message:
         "What does the twin of {wildcards.camera} lack?"

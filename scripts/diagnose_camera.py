@@ -7,6 +7,8 @@ pictures: gaps of every plate, level and noise feature for the first and the las
 import json
 import logging
 import os
+import time
+from importlib.metadata import version
 from pathlib import Path
 
 os.environ["OPENBLAS_NUM_THREADS"] = "1"  # before numpy is loaded: captures go side by side, small matrices do not
@@ -17,6 +19,7 @@ import pandas as pd
 
 import job
 from case_files import load_case, load_observations, read_capture
+from effects.contract import available_effects
 from gap import ladder
 from gap.next_station import suggested_station
 from gap.residuals import flatten
@@ -26,6 +29,7 @@ from gap.select_effects import verdict
 from gap.where import explained_shares, field_gaps, noise_gaps, plate_gaps
 from inputs import tables
 from job import seed_of
+from outcome_store import OutcomeStore
 
 log = logging.getLogger("twingap")
 MAX_PLACES, MAX_LEFT = 8, 5
@@ -97,6 +101,9 @@ def diagnose_camera(
     candidates,
     budget,
     threads,
+    code,
+    effect_code,
+    kept,
     out,
     out_ladder,
     out_gaps,
@@ -104,17 +111,20 @@ def diagnose_camera(
     """Go from the twin as configured to the verdict and write everything that tells how.
 
     effects [[name, parameters], ...] and free [[effect, parameter], ...] of the twin as configured; ``candidates`` are names
-    of effects; ``budget`` counts predictions of one capture.
+    of effects; ``budget`` counts predictions of one capture. ``kept`` is a folder of earlier outcomes (gap.kept); what they
+    depend on besides are the measurements and the files of ``code`` and ``effect_code``.
     """
     expand, out_gaps = Path(expand), Path(out_gaps)
     case, _ = load_case(expand, register_json, camera)
     load_observations(observations, case)
     configured = [(n, p) for n, p in effects]
     fixed = {(n, k) for n, p in configured for k in p} - {(n, k) for n, k in free}
+    store = stored_outcomes(kept, [*code, *effect_code, observations, register_json], expand, (camera, sorted(fixed)))
     try:
         search, base, first, outcome = verdict(
-            case, configured, candidates, fixed, budget, threads, lambda e: log.info("%s: + %s", camera, e)
+            case, configured, candidates, fixed, budget, threads, teller(camera), store
         )
+        store.drop_unused()
     except ValueError as why:
         return _write_undiagnosed(expand, camera, str(why), out, out_ladder, out_gaps)
     twin = outcome.twin
@@ -141,6 +151,32 @@ def diagnose_camera(
     worst = max(search.test, key=lambda i: np.mean(flatten(base.groups[i]) ** 2))
     write_example(search.solver, worst, images[worst], (base, twin), out_gaps)
     log.info("%s: %s; gap %.2f -> %.2f floors", camera, outcome.verdict, result["gap_as_configured"], twin.gap)
+
+
+def teller(camera):
+    """Return a function that logs an effect that was added, the time since now, and how long the budget would last at that pace."""
+    start = time.monotonic()
+
+    def tell(effect, share):
+        spent = time.monotonic() - start
+        log.info(
+            "%s: + %s after %.0f s; at this pace the budget ends it within %.0f min",
+            camera,
+            effect,
+            spent,
+            spent / share / 60,
+        )
+
+    return tell
+
+
+def stored_outcomes(folder, files, expand, facts):
+    """Return the OutcomeStore of a camera: ``files`` its code and measurements, ``expand`` the folder of its tables."""
+    known = available_effects()
+    of_effects = {Path(f).stem: f for f in files if Path(f).parent.name == "effects" and Path(f).stem in known}
+    shared = {*files, *(f for f in Path(expand).iterdir() if f.is_file())} - set(of_effects.values())
+    versions = [version(package) for package in ("numpy", "scipy", "numba", "opencv-contrib-python-headless")]
+    return OutcomeStore(folder, map(Path, shared), (facts, versions), of_effects)
 
 
 def ladder_twins(base, steps):
@@ -243,6 +279,9 @@ if __name__ == "__main__":
         candidates=snakemake.params.candidates,
         budget=snakemake.params.budget,
         threads=snakemake.threads,
+        code=snakemake.input.code,
+        effect_code=snakemake.input.effect_code,
+        kept=snakemake.params.kept,
         out=snakemake.output.verdict,
         out_ladder=snakemake.output.ladder,
         out_gaps=Path(snakemake.output.plates).parent,

@@ -10,6 +10,7 @@ import numpy as np
 
 from effects import library, pipeline
 from gap.discrete import Discrete
+from gap.kept import kept
 from gap.normal_equations import gains_of_step, normal_equations
 from gap.parameters import (
     fitted_parameters,
@@ -27,9 +28,7 @@ from gap.split import probes, split_by_station, thinned, usable
 from gap.twin import Candidate, Twin
 
 SCALE_FROM_AFAR, SCALE_FROM_NEAR = 16.0, 2.0  # robust scale at which a fit of corners begins
-SCALE_FROM_START = (
-    8.0  # robust scale, in those of the residuals, at which a fit of images begins from an effect's start
-)
+SCALE_FROM_START = 8.0  # the same from an effect's start, that of images too
 MAX_PARAMETERS = 12  # of an effect that is no free warp, and of a base that is fitted beside a candidate
 MIN_GAIN = 25.0  # in loss: less is not worth a fit, nor a name
 CLEAR_EVIDENCE = 16.0  # times MIN_GAIN that taking an effect out costs to second order: a refit need not tell
@@ -46,16 +45,18 @@ class Search:
     """One problem's captures, split, and the library's effects that compete for it; what it returns are values.
 
     fixed  {(effect, parameter)} whose values the user wrote: never refitted, and their effects are never taken out
+    store  of outcomes (gap.kept); None: none are kept
     """
 
-    def __init__(self, problem, candidates=None, fixed=(), split=None, threads=1):
-        self.problem = problem
+    def __init__(self, problem, candidates=None, fixed=(), split=None, threads=1, store=None):
+        self.problem, self.store = problem, store
         train, test = split or split_by_station(problem)
         self.train, self.test = thinned(usable(train, problem)), thinned(usable(test, problem))
         self.solver = Solver(problem, probes(self.train) + probes(self.test), threads)
         self.candidates = list(candidates or library.available_effects())
         self.fixed = frozenset(fixed)
         self._of_starts = {}
+        self._prepared = None, None, None
         self.discrete = Discrete(self.solver, self.train, self.fixed)
 
     @property
@@ -85,10 +86,11 @@ class Search:
 
     # -- twins --------------------------------------------------------------------------------------------------------
 
-    def fitted(self, effects, poses=None, scale=1.0):
+    @kept
+    def fitted(self, effects, poses=None, scale=SCALE_FROM_NEAR):
         """Return the Twin of some effects, all that is free fitted to the training captures from the values given.
 
-        ``scale`` is the robust scale at which a fit of images begins, in those of the residuals.
+        ``scale`` is the robust scale at which a fit of corners begins near ``poses``.
         """
         free = self.free(effects)
         geometric = [f for f in free if is_geometric(f)]
@@ -96,9 +98,9 @@ class Search:
             poses = np.zeros((len(self.problem.captures), 6))
             offsets, scale = self.solver.no_offsets(), SCALE_FROM_AFAR
         else:  # near: corners tell more than points once what their fit adds is known
-            offsets, scale = self.solver.offsets_of(effects, poses, self.train), SCALE_FROM_NEAR
+            offsets = self.solver.offsets_of(effects, poses, self.train)
         effects, poses = self.solver.fit_geometry(effects, geometric, poses, offsets, self.train, scale, iterations=10)
-        return self.scored(self.solver.fit(effects, free, poses, self.train, 20, scale, with_geometry=False), free)
+        return self.scored(self.solver.fit(effects, free, poses, self.train, iterations=20, with_geometry=False), free)
 
     def scored(self, fit, free, floors=None):
         """Return the Twin of a gap.solver.Fit, its held-out poses fitted; its own floors where none are given."""
@@ -124,6 +126,7 @@ class Search:
         scatter = group_gaps(own, {})
         return {name: max(floor, scatter.get(name, 0.0)) for name, floor in floors.items()}
 
+    @kept
     def adopt(self, candidate):
         """Return the Twin of a candidate with all its effects refitted together.
 
@@ -156,18 +159,45 @@ class Search:
 
     def predicted_gains(self, twin, names):
         """Return {effect: training loss that it could gain to first order} of some effects that the twin has not."""
-        predict = self.gain_predictor(twin)
-        return {name: sum(predict(name).values()) for name in names if name not in twin.names}
+        return {name: sum(self.predicted_gain(twin, name).values()) for name in names if name not in twin.names}
 
-    def gain_predictor(self, twin):
-        """Return a function of an effect that the twin has not: the training loss {group: gain} it could gain to first order.
+    @kept
+    def predicted_gain(self, twin, effect):
+        """Return the training loss {group: gain} that an effect that the twin has not could gain to first order.
 
         About its null, the twin's own parameters going along, or towards one of its starts: a prediction for each parameter
         and start. What promises next to nothing need not be fitted.
         """
-        probed = self._probed(twin)
-        beside = self._beside(twin, probed)
-        return lambda name: self._predicted_gain(twin, name, probed, beside)
+        (indices, groups, nu), beside = self._prepared_for(twin)
+        free = [(effect, k) for k in library.fitted_parameters(effect) if not spec((effect, k)).auxiliary]
+        effects = [*twin.effects, (effect, library.nulls_of(effect))]
+        derivatives = self.solver.derivatives(effects, free, twin.poses, indices, start_step)
+        if beside is None:
+            gains = first_order_gains(effects, free, derivatives, groups, nu)
+        else:
+            own = self.free(twin.effects)
+            alone = {i: (beside[i], Jp) for i, (_, Jp) in derivatives.items()}
+            together = {i: (np.hstack([Jt, beside[i]]), Jp) for i, (Jt, Jp) in derivatives.items()}
+            gains = first_order_gains(effects, free + own, together, groups, nu)
+            gains -= first_order_gains(effects, own, alone, groups, nu)
+        starts = self.problem.starts_of(effect)
+        towards = []
+        if len(starts) > 1 or starts != library.starts_of(effect):
+            towards, _ = self._gains_of_starts(twin, effect, starts, (indices, groups, nu))
+        best = max([gains, *towards], key=np.sum)
+        return dict(zip(GROUPS, best * len(self.train) / max(len(indices), 1), strict=True))
+
+    def _prepared_for(self, twin):
+        """Return (probes, their derivatives by the twin's parameters), made once for a twin.
+
+        They cost nothing of the budget: a search whose outcomes are kept needs none, and must end alike.
+        """
+        if self._prepared[0] is not twin:
+            cost = self.cost
+            probed = self._probed(twin)
+            self._prepared = twin, probed, self._beside(twin, probed)
+            self.solver.cost = cost
+        return self._prepared[1:]
 
     def _probed(self, twin):
         """Return (indices of the probes, their residual groups, robust nu) of a twin."""
@@ -181,28 +211,6 @@ class Search:
         if not free:
             return None
         return {i: Jt for i, (Jt, _) in self.solver.derivatives(twin.effects, free, twin.poses, probed[0]).items()}
-
-    def _predicted_gain(self, twin, effect, probed, beside):
-        indices, groups, nu = probed
-        free = [(effect, k) for k in library.fitted_parameters(effect) if not spec((effect, k)).auxiliary]
-        effects = [*twin.effects, (effect, library.nulls_of(effect))]
-        derivatives = self.solver.derivatives(effects, free, twin.poses, indices, start_step)
-        if beside is None:
-            gains = first_order_gains(effects, free, derivatives, groups, nu)
-        else:
-            own = self.free(twin.effects)
-            alone = {i: (beside[i], Jp) for i, (_, Jp) in derivatives.items()}
-            together = {i: (np.hstack([Jt, beside[i]]), Jp) for i, (Jt, Jp) in derivatives.items()}
-            gains = first_order_gains(effects, free + own, together, groups, nu)
-            gains -= first_order_gains(effects, own, alone, groups, nu)
-        starts = self.problem.starts_of(effect)
-        towards, _ = (
-            self._gains_of_starts(twin, effect, starts, probed)
-            if len(starts) > 1 or starts != library.starts_of(effect)
-            else ([], [])
-        )
-        best = max([gains, *towards], key=np.sum)
-        return dict(zip(GROUPS, best * len(self.train) / max(len(indices), 1), strict=True))
 
     def _gains_of_starts(self, twin, effect, starts, probed):
         """Return for each of an effect's starts what going some way there gains (groups,), and the loss of the start itself.
@@ -231,6 +239,7 @@ class Search:
         """Return the Candidate of an effect that promises nothing: at its null, with the base's gap."""
         return Candidate(effect, library.nulls_of(effect), twin, twin.floors, False)
 
+    @kept
     def try_effect(self, twin, effect, beside=(), lead=None):
         """Return the Candidate of one effect added to a twin and fitted, parameters ``beside`` it refitted.
 
@@ -248,6 +257,7 @@ class Search:
             fit = min(fit, other, key=lambda f: f.loss)
         return self._candidate(twin, effect, self.scored(fit, free, twin.floors))
 
+    @kept
     def try_jointly(self, twin, effect):
         """Return the complete Candidate of one effect added to a twin: what has no rival needs no fit of its own first."""
         start = self._start(twin, effect, self.free([(effect, library.nulls_of(effect))]))

@@ -60,14 +60,15 @@ class Outcome:
         return verdict_of(self.steps, self.twin) != "unexplained"
 
 
-def verdict(problem, effects=(), candidates=None, fixed=(), budget=BUDGET, threads=1, progress=None):
+def verdict(problem, effects=(), candidates=None, fixed=(), budget=BUDGET, threads=1, progress=None, store=None):
     """Return (Search, base Twin, candidates of the first step, Outcome) of a problem.
 
     effects  [(name, parameters)] of the twin as configured, fixed {(effect, parameter)} what the user fixed of it;
     candidates  names of the library's effects that compete, all where None; budget in predictions of one capture;
-    progress  called with each effect that is added. Raises ValueError where ``Search.why_unusable`` has a reason.
+    progress  called with each effect that is added and the share of the budget that is spent; store of outcomes (gap.kept).
+    Raises ValueError where ``Search.why_unusable`` has a reason.
     """
-    search = Search(problem, candidates, fixed, threads=threads)
+    search = Search(problem, candidates, fixed, threads=threads, store=store)
     if search.why_unusable():
         raise ValueError(search.why_unusable())
     base = search.fitted(list(effects))
@@ -164,7 +165,7 @@ def path(selection, base, first, before, start_with=None, taken=()):
         twin, steps = _without_unneeded(search, adopted, best.effect, steps)
         steps.append(Step(best.effect, twin, tuple(candidates), tuple(confused), best.main_group))
         if selection.progress:
-            selection.progress(best.effect)
+            selection.progress(best.effect, search.cost / selection.budget)
         if is_at_floor(twin):
             candidates = [search.null_candidate(twin, name) for name in names if name not in twin.names]
             break
@@ -230,12 +231,12 @@ def try_promising(search, twin, names, most, beside=(), known=None):
     Those that promise most are fitted, the others stay at their null. ``known`` are gains that were predicted of an earlier
     twin: what promised next to nothing is asked again only where nothing else is worth its name.
     """
-    names, known, predict = [n for n in names if n not in twin.names], known or {}, search.gain_predictor(twin)
+    names, known = [n for n in names if n not in twin.names], known or {}
     least = MIN_SHARE_OF_BEST * max((known.get(n, 0.0) for n in names), default=0.0)
-    gains = {n: predict(n) for n in names if known.get(n, np.inf) >= least}
+    gains = {n: search.predicted_gain(twin, n) for n in names if known.get(n, np.inf) >= least}
     tried = _fitted_ones(search, twin, gains, most, beside, {})
     if not any(is_missing(c, twin.excess) for c in tried.values()):
-        gains |= {n: predict(n) for n in names if n not in gains}
+        gains |= {n: search.predicted_gain(twin, n) for n in names if n not in gains}
         tried = _fitted_ones(search, twin, gains, most, beside, tried)
     candidates = rank(tried.get(n) or search.null_candidate(twin, n) for n in names)
     return candidates, known | {n: sum(by_group.values()) for n, by_group in gains.items()}
