@@ -154,18 +154,13 @@ def diagnose_camera(
 
 
 def teller(camera):
-    """Return a function that logs an effect that was added, the time since now, and how long the budget would last at that pace."""
+    """Return a function that logs an effect that was added, the time it took, and how long the budget lasts at that pace."""
     start = time.monotonic()
 
     def tell(effect, share):
-        spent = time.monotonic() - start
-        log.info(
-            "%s: + %s after %.0f s; at this pace the budget ends it within %.0f min",
-            camera,
-            effect,
-            spent,
-            spent / share / 60,
-        )
+        spent_s = time.monotonic() - start
+        lasts_min = spent_s / max(share, 1e-9) / 60
+        log.info("%s: + %s after %.0f s; the budget lasts %.0f min at this pace", camera, effect, spent_s, lasts_min)
 
     return tell
 
