@@ -236,7 +236,7 @@ def flattened(scene, fixed):
     moved = np.linalg.inv(world) @ T
     angle = np.arctan2(moved[:, 1, 0], moved[:, 0, 0])
     flat = np.tile(np.eye(4), (len(T), 1, 1))
-    flat[:, :3, :3] = Rotation.from_euler("z", angle).as_matrix()
+    flat[:, :3, :3] = Rotation.from_rotvec(np.outer(angle, [0, 0, 1])).as_matrix()
     flat[:, :2, 3] = moved[:, :2, 3]
     return Scene(scene.cameras, scene.T_cam_world @ world, flat)
 

@@ -10,7 +10,13 @@ class Table:
     """Square papers of one code each: centres (n, 2) and turns (n,) of a table, metres and radians, y up."""
 
     def __init__(self, ids, centres, turns, side_m, paper=1.4, dictionary=cv2.aruco.DICT_5X5_100):
-        self.ids, self.centres, self.turns, self.side_m, self.paper = ids, np.array(centres), np.array(turns), side_m, paper
+        self.ids, self.centres, self.turns, self.side_m, self.paper = (
+            ids,
+            np.array(centres),
+            np.array(turns),
+            side_m,
+            paper,
+        )
         made = cv2.aruco.getPredefinedDictionary(dictionary)
         self.codes = [made.generateImageMarker(int(i), CELLS, borderBits=1) > 127 for i in ids]
 
@@ -41,7 +47,7 @@ def looking(centre, target, roll):
     return np.stack([c * x + s * y, -s * x + c * y, z]), np.asarray(centre, float)
 
 
-def shoot(table, pose, focal_px, k1, size, rng, finer=3, noise_dn=1.5):
+def shoot(table, pose, focal_px, k1, size, rng, finer=2, noise_dn=1.5):
     """Return the photograph, uint8 (rows, columns), of a table z = 0 through a lens x (1 + k1 r^2)."""
     R, centre = pose
     rows, columns = np.mgrid[: size[1] * finer, : size[0] * finer]
@@ -76,3 +82,32 @@ def scattered(rng, number, reach=(0.26, 0.2), apart=0.1):
         if all(np.hypot(*(place - other)) > apart for other in centres):
             centres.append(place)
     return np.array(centres), rng.uniform(-3, 3, number)
+
+
+def corners_seen(table, pose, focal_px, k1, size, inset_px):
+    """Return (ids, quads (n, 4, 2)) of the codes that are whole in a photograph, their edges moved inwards."""
+    R, centre = pose
+    ids, quads = [], []
+    for number, (cx, cy), turn in zip(table.ids, table.centres, table.turns, strict=True):
+        c, s = np.cos(turn), np.sin(turn)
+        flat = 0.5 * table.side_m * np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]) @ np.array([[c, s], [-s, c]])
+        p = (np.column_stack([flat + [cx, cy], np.zeros(4)]) - centre) @ R.T
+        xy = p[:, :2] / p[:, 2:]
+        quad = focal_px * xy * (1 + k1 * (xy**2).sum(axis=1, keepdims=True)) + (np.array(size) - 1) / 2
+        if (p[:, 2] > 0).all() and (quad > 3).all() and (quad < np.array(size) - 4).all():
+            ids.append(int(number))
+            quads.append(_shrunk(quad, inset_px))
+    return ids, np.array(quads).reshape(-1, 4, 2)
+
+
+def _shrunk(quad, by_px):
+    """Return the crossings (4, 2) of a quad's edges, each moved inwards."""
+    ahead = np.roll(quad, -1, axis=0) - quad
+    inward = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1) / np.linalg.norm(ahead, axis=1, keepdims=True)
+    moved = quad + by_px * inward
+    crossed = []
+    for k in range(4):
+        before = k - 1
+        A = np.column_stack([ahead[before], -ahead[k]])
+        crossed.append(moved[before] + np.linalg.solve(A, moved[k] - moved[before])[0] * ahead[before])
+    return np.array(crossed)
