@@ -1,6 +1,6 @@
 """Bundle adjustment: where markers lie, where photographs were taken from and what the cameras are like, all at once.
 
-Unknown are each camera's focal length, principal point, k1 and k2, each photograph's pose, and each marker's pose but one's: the
+Unknown are each camera's focal length, principal point, k1, k2 and how square its pixels are, each photograph's pose, and each marker's pose but one's: the
 world is that marker's frame, and the printed side of a marker is the unit (Triggs et al., Bundle Adjustment: A Modern
 Synthesis, 2000). Detected corners lie too far within the dark by some tenths of a pixel; how far is one more unknown, as
 it would pass for a smaller print.
@@ -15,8 +15,11 @@ from scipy.spatial.transform import Rotation
 
 from rig.plates import marker_corners_plate
 
-CAMERA = ("log_f", "cx", "cy", "k1", "k2", "inset_px")  # cx, cy from the centre, in units of the longer side
-PRIOR = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.1]), np.array([1.0, 0.02, 0.02, 0.3, 0.5, 0.1])  # mean and deviation
+CAMERA = ("log_f", "cx", "cy", "k1", "k2", "inset_px", "aspect")  # cx, cy from the centre, in units of the longer side
+PRIOR = (
+    np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.1, 0.0]),
+    np.array([1.0, 0.02, 0.02, 0.3, 0.5, 0.1, 0.002]),
+)  # mean and deviation
 HUBER = 2.0
 LEAST_SIGMA_PX = 0.02
 ROUNDS = 3  # each from the last one's poses, with the scatter that it has shown
@@ -50,7 +53,7 @@ class Sightings:
 
 @dataclass(frozen=True)
 class Scene:
-    """What is estimated: cameras (cameras, 6) as in CAMERA, T_cam_world (photographs, 4, 4), T_world_marker (markers, 4, 4)."""
+    """What is estimated: cameras (cameras, 7) as in CAMERA, T_cam_world (photographs, 4, 4), T_world_marker (markers, 4, 4)."""
 
     cameras: np.ndarray
     T_cam_world: np.ndarray
@@ -63,7 +66,7 @@ class Adjusted:
 
     errors_px  (n, 4, 2) what is left; sigma_px its scatter along an axis; cost the robust sum of squares
     se         (markers, 6) standard errors: turns about the world's axes in radians, centres in metres; NaN where unknown
-    se_cameras (cameras, 6)
+    se_cameras (cameras, 7)
     """
 
     scene: Scene
@@ -109,7 +112,7 @@ def project(sightings, side_m, scene):
     longer = size.max(axis=1)[:, None]
     r2 = (xy**2).sum(axis=-1)
     bent = xy * (1 + of_view[:, 3, None] * r2 + of_view[:, 4, None] * r2**2)[..., None]
-    focal = (np.exp(of_view[:, 0]) * longer[:, 0])[:, None, None]
+    focal = (np.exp(of_view[:, :1]) * longer * np.stack([np.ones(len(of_view)), 1 + of_view[:, 6]], axis=1))[:, None]
     seen = focal * bent + ((size - 1) / 2 + of_view[:, 1:3] * longer)[:, None]
     return _inset(seen, of_view[:, 5])
 
@@ -201,7 +204,7 @@ class _Layout:
 
 
 def _standard_errors(layout, scene, side_m, sigma_px):
-    """Return standard errors of (cameras (cameras, 6), markers (markers, 6)).
+    """Return standard errors of (cameras (cameras, 7), markers (markers, 6)).
 
     The larger of two: what corners of independent errors would give, and what photographs of errors of their own do (the
     clustered sandwich; White 1980, Liang and Zeger 1986). A bent paper or lens errs alike at the corners of one photograph.

@@ -13,6 +13,7 @@ from inputs.campaign import Board
 from inputs.experiment import rig_markers
 from register.boards import find_board
 from rig.errors import InputError
+from rig.plates import marker_corners_world
 from start.loose import place_loose_markers
 from start.markers import (
     FITTING_SHARE,
@@ -166,6 +167,10 @@ def loose_pattern(found, images, sizes, camera, side_m, focals):
     sightings = [(v, s.quads[k]) for seen in found.values() for v, s in enumerate(seen) for k in range(len(s.ids))]
     paper = plate_over_code(images, *map(list, zip(*sightings, strict=True)))
     table["plate_m"] = np.round(side * (paper or GUESSED_PLATE), 6)
+    if not placed.flat:  # nothing lies under the ground
+        table["z"] -= min(
+            0.0, min(marker_corners_world(m._replace(code_m=m.plate_m))[:, 2].min() for m in table.itertuples())
+        )
     first = table.iloc[0]
     error_mm = 1000 * np.sqrt((table[["se_x", "se_y", "se_z"]].iloc[1:] ** 2).sum(axis=1)).median()
     guesses["markers"] = (
