@@ -1,9 +1,9 @@
 """Bundle adjustment: where markers lie, where photographs were taken from and what the cameras are like, all at once.
 
-Unknown are each camera's focal length, principal point, k1, k2 and how square its pixels are, each photograph's pose, and each marker's pose but one's: the
-world is that marker's frame, and the printed side of a marker is the unit (Triggs et al., Bundle Adjustment: A Modern
-Synthesis, 2000). Detected corners lie too far within the dark by some tenths of a pixel; how far is one more unknown, as
-it would pass for a smaller print.
+Unknown are each camera's focal length, principal point, k1, k2 and how square its pixels are, each photograph's pose, and each
+marker's pose but one's: the world is that marker's frame, and the printed side of a marker is the unit (Triggs et al.,
+Bundle Adjustment: A Modern Synthesis, 2000). Detected corners lie too far within the dark by some tenths of a pixel; how
+far is one more unknown, as it would pass for a smaller print.
 """
 
 from dataclasses import dataclass, replace
