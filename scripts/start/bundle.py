@@ -13,6 +13,7 @@ from scipy.optimize import least_squares
 from scipy.sparse import csr_matrix
 from scipy.spatial.transform import Rotation
 
+from register.registration import HUBER, huber_but_prior
 from rig.plates import marker_corners_plate
 
 CAMERA = ("log_f", "cx", "cy", "k1", "k2", "inset_px", "aspect")  # cx, cy from the centre, in units of the longer side
@@ -20,7 +21,6 @@ PRIOR = (
     np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.1, 0.0]),
     np.array([1.0, 0.02, 0.02, 0.3, 0.5, 0.1, 0.002]),
 )  # mean and deviation
-HUBER = 2.0
 LEAST_SIGMA_PX = 0.02
 ROUNDS = 3  # each from the last one's poses, with the scatter that it has shown
 BEHIND_PX = 1e3
@@ -89,7 +89,7 @@ def adjust(sightings, side_m, scene, fixed, flat, rounds=ROUNDS, most_steps=60):
     for _ in range(rounds):
         start = np.concatenate([scene.cameras.ravel(), np.zeros(layout.count - scene.cameras.size)])
         fit = least_squares(
-            layout.residuals, start, layout.derivatives, args=(scene, side_m, sigma_px), loss=layout.loss, x_scale="jac",
+            layout.residuals, start, layout.derivatives, args=(scene, side_m, sigma_px), loss=lambda z: huber_but_prior(z, 8 * len(sightings.view)), x_scale="jac",
             tr_solver="lsmr", tr_options=TIGHT, max_nfev=most_steps, ftol=1e-8, xtol=1e-10, gtol=1e-8,
         )  # fmt: skip
         scene = layout.moved(fit.x, scene)
@@ -192,15 +192,6 @@ class _Layout:
             (self.first_view, self.first_marker, 6, s.view),
             (self.first_marker, self.count, len(self.free), self.place[s.marker]),
         ]
-
-    def loss(self, z):
-        """Return Huber's loss and its derivatives (3, n) of squared residuals; what is known beforehand stays squared."""
-        rho = np.stack([z, np.ones_like(z), np.zeros_like(z)])
-        far = z > HUBER**2
-        far[8 * len(self.sightings.view) :] = False
-        root = np.sqrt(z[far])
-        rho[:, far] = [2 * HUBER * root - HUBER**2, HUBER / root, -HUBER / (2 * root**3)]
-        return rho
 
 
 def _standard_errors(layout, scene, side_m, sigma_px):

@@ -174,7 +174,7 @@ def loose_pattern(found, images, sizes, camera, side_m, focals):
     first = table.iloc[0]
     error_mm = 1000 * np.sqrt((table[["se_x", "se_y", "se_z"]].iloc[1:] ** 2).sum(axis=1)).median()
     guesses["markers"] = (
-        f"{len(table)} markers{', flat' if placed.flat else ', not all in one plane,'} in the frame of "
+        f"{len(table)} markers{', flat,' if placed.flat else ', not all in one plane,'} in the frame of "
         f"{first.dictionary}/{first.id}; places estimated from the photographs, standard error {error_mm:.2g} mm"
     )
     how = f"seen: {paper:.2f} of a code" if paper else f"GUESSED: {GUESSED_PLATE:g} of a code"
