@@ -89,7 +89,8 @@ def adjust(sightings, side_m, scene, fixed, flat, rounds=ROUNDS, most_steps=60):
     for _ in range(rounds):
         start = np.concatenate([scene.cameras.ravel(), np.zeros(layout.count - scene.cameras.size)])
         fit = least_squares(
-            layout.residuals, start, layout.derivatives, args=(scene, side_m, sigma_px), loss=lambda z: huber_but_prior(z, 8 * len(sightings.view)), x_scale="jac",
+            layout.residuals, start, layout.derivatives, args=(scene, side_m, sigma_px), x_scale="jac",
+            loss=lambda z: huber_but_prior(z, 8 * len(sightings.view)),
             tr_solver="lsmr", tr_options=TIGHT, max_nfev=most_steps, ftol=1e-8, xtol=1e-10, gtol=1e-8,
         )  # fmt: skip
         scene = layout.moved(fit.x, scene)
