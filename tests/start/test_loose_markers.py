@@ -1,5 +1,7 @@
 """Where loose markers lie is estimated from photographs, with uncertainties that keep their word."""
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pandas as pd
@@ -7,13 +9,13 @@ import pytest
 from loose_photographs import Table, corners_seen, scattered, shoot, walk
 
 import start_campaign
-from inputs.campaign import load_campaign
+from inputs.campaign import load_campaign, read_description
 from rig.errors import InputError
 from start.loose import named, place_loose_markers
-from start.markers import Seen
+from start.markers import Seen, detect
 
 SIDE_M, FOCAL_PX, K1, SIZE = 0.06, 560.0, -0.12, (640, 480)
-DICTIONARY = "DICT_5X5_1000"
+DICTIONARY, DICTIONARY_OF_PRINT = "DICT_5X5_1000", "DICT_6X6_1000"
 
 
 def seen_of(tables, poses, rng, noise_px=0.15, focal_px=FOCAL_PX, k1=K1):
@@ -106,3 +108,17 @@ def test_a_folder_of_loose_markers_becomes_a_campaign(tmp_path, capfd):
     assert np.abs(off).max() < 0.002 and (markers.z == 0).all()
     assert (np.abs(off[1:]) < 4 * markers[["se_x", "se_y"]].to_numpy()[1:] + 1e-4).all()
     assert markers.plate_m.iloc[0] == pytest.approx(1.4 * SIDE_M, rel=0.06)
+
+
+def test_photographs_of_a_print_tell_its_places():
+    """Fails if paper, lens and sensor of a real camera are too much: the markers of a board, taken for loose ones."""
+    folder = Path("data/raw/aruco6x6_gridboard")
+    board = read_description(folder).target
+    images = [cv2.imread(str(p), cv2.IMREAD_GRAYSCALE) for p in sorted(folder.glob("images/*.jpg"))[::3]]
+    found = {DICTIONARY_OF_PRINT: [detect(image, DICTIONARY_OF_PRINT) for image in images]}
+    placed = place_loose_markers(found, [images[0].shape[::-1]], [0] * len(images), board.marker_m, {})
+    ids, step = placed.markers.id.to_numpy(), board.marker_m + board.gap_m
+    true = np.stack([ids % board.columns, -(ids // board.columns)], axis=1) * step
+    off_mm = 1000 * (placed.markers[["x", "y"]].to_numpy() - (true - true[0]))
+    assert placed.flat and len(ids) == board.columns * board.rows and not placed.left_out
+    assert np.sqrt((off_mm**2).mean()) < 0.6  # of 213 mm; the print itself is half a percent narrow
