@@ -22,7 +22,7 @@ MOST_VIEWS = 60  # with the most markers: more tell hardly more
 FAR_SIGMA, FAR_PX = 6.0, 1.0  # a marker that is further off than both lies elsewhere
 MOVED_SHARE = 0.25  # of its photographs, in which a marker lies elsewhere
 OFF_SHARE = 0.5  # of a photograph's markers
-FLAT_RATIO = 1.2  # of the scatter: markers lie in one plane if a plane fits not worse than that
+FLAT_RATIO = 1.5  # of the RMS errors: markers lie in one plane, bent as paper is, if a plane fits not worse than that
 SAME_SIDE = 0.3  # of a marker: two codes so near are one print
 SE = ["se_x", "se_y", "se_z", "se_rx", "se_ry", "se_rz"]
 
@@ -71,7 +71,7 @@ def place_loose_markers(found, sizes, camera, side_m, focals):
     left_out += out
     fixed = _reference(table)
     plane = adjust(table, side_m, flattened(fit.scene, fixed), fixed, True)
-    flat = plane.sigma_px <= FLAT_RATIO * fit.sigma_px
+    flat = np.square(plane.errors_px).mean() <= FLAT_RATIO**2 * np.square(fit.errors_px).mean()
     if flat:
         keys_now, out, fit, table = _settled(table, side_m, plane.scene, keys_now, flat=True)
         left_out += out
