@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 from scipy.sparse import csr_matrix
 from scipy.spatial.transform import Rotation
 
-from register.registration import HUBER, huber_but_prior
+from register.registration import huber_but_prior
 from rig.plates import marker_corners_plate
 
 CAMERA = ("log_f", "cx", "cy", "k1", "k2", "inset_px", "aspect")  # cx, cy from the centre, in units of the longer side
@@ -21,6 +21,7 @@ PRIOR = (
     np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.1, 0.0]),
     np.array([1.0, 0.02, 0.02, 0.3, 0.5, 0.1, 0.002]),
 )  # mean and deviation
+HUBER = 2.0  # standard deviations; less than of a pose alone: a marker that moved must not pull cameras along
 LEAST_SIGMA_PX = 0.02
 ROUNDS = 3  # each from the last one's poses, with the scatter that it has shown
 BEHIND_PX = 1e3
@@ -90,7 +91,7 @@ def adjust(sightings, side_m, scene, fixed, flat, rounds=ROUNDS, most_steps=60):
         start = np.concatenate([scene.cameras.ravel(), np.zeros(layout.count - scene.cameras.size)])
         fit = least_squares(
             layout.residuals, start, layout.derivatives, args=(scene, side_m, sigma_px), x_scale="jac",
-            loss=lambda z: huber_but_prior(z, 8 * len(sightings.view)),
+            loss=lambda z: huber_but_prior(z, 8 * len(sightings.view), HUBER),
             tr_solver="lsmr", tr_options=TIGHT, max_nfev=most_steps, ftol=1e-8, xtol=1e-10, gtol=1e-8,
         )  # fmt: skip
         scene = layout.moved(fit.x, scene)
