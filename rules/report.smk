@@ -16,6 +16,50 @@ PAGES = (
 )
 
 
+# What a diagnosis of photographs of a board does not draw itself.
+BOARD_EXAMPLES = (
+    expand(
+        f"{RESULTS}/diagnosis/{{camera}}/example_{{image}}.png",
+        camera=CAMERAS,
+        image=["real", "configured", "explained"],
+    )
+    if BOARD
+    else []
+)
+
+
+if BOARD:
+
+    ruleorder: draw_board_example > diagnose_camera
+
+    rule draw_board_example:
+        input:
+            scene=f"{RESULTS}/expand/{{camera}}/scene.json",
+            register=f"{RESULTS}/register/{{camera}}.csv",
+            register_json=f"{RESULTS}/register/{{camera}}.json",
+            manifest=f"{RESULTS}/render/{{camera}}.json",
+            verdict=f"{RESULTS}/diagnosis/{{camera}}.json",
+            images=captures_of,
+            code=imports_of("draw_board_example.py"),
+            effect_code=code_of_effects(available_effects()),
+        output:
+            example=expand(
+                f"{RESULTS}/diagnosis/{{{{camera}}}}/example_{{image}}.png",
+                image=["real", "configured", "explained"],
+            ),
+        log:
+            f"{RESULTS}/logs/draw_board_example/{{camera}}.log",
+        conda:
+            "../envs/twingap.yaml"
+        params:
+            campaign=campaign_folder,
+            pins=locked("numpy", "scipy", "opencv-contrib-python-headless"),
+        message:
+            "Drawing a photograph of {wildcards.camera} beside its twins"
+        script:
+            "../scripts/draw_board_example.py"
+
+
 rule run_overview:
     input:
         expand(
@@ -142,6 +186,7 @@ use rule run_figure3 as run_tables with:
 use rule run_figure3 as run_diagnosis with:
     input:
         DIAGNOSIS,
+        BOARD_EXAMPLES,
         notebook="notebooks/diagnosis.ipynb",
         template="scripts/reporting/page_template.html.j2",
         code=imports_of("run_notebook.py", "notebooks/diagnosis.ipynb"),

@@ -31,6 +31,7 @@ OPEN = {
 }
 TOLERANCE_WORDS = {"exact": {"position_m": 0.0, "angle_deg": 0.0}, "unknown": None}
 POSE = ("rx", "ry", "rz", "tx", "ty", "tz")
+MARKER_ERRORS = ("se_x", "se_y", "se_z", "se_rx", "se_ry", "se_rz")
 
 
 def is_name(text, longest):
@@ -215,11 +216,14 @@ def inside(folder, relative, where):
 
 
 def read_markers(path):
-    """Return the checked table of markers."""
+    """Return the checked table of markers; standard errors of places, where they are given, are checked and left there."""
     metres = ("x", "y", "z")
     columns = ("dictionary", "id", "code_m", "plate_m", *metres, "rx", "ry", "rz")
     made, seen = [], {}
-    for row in read_rows(path, columns):
+    for row in read_rows(path, columns, MARKER_ERRORS):
+        for k in MARKER_ERRORS:
+            if row.get(k, "").strip():
+                number(path, row, k, 0, 1000)
         dictionary = row["dictionary"].strip()
         try:
             last_id = len(aruco_dictionary(dictionary).bytesList) - 1

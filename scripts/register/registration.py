@@ -44,7 +44,7 @@ def register_pose(points_world, pixels, K, T_start, sigma_pose):
         fit = least_squares(
             lambda d, s=sigma_px: np.concatenate([errors_px(d) / s, d / sigma_pose]),
             delta,
-            loss=lambda z: _huber_but_prior(z, 2 * len(points_world)),
+            loss=lambda z: huber_but_prior(z, 2 * len(points_world)),
             x_scale=1e-3,
         )
         delta = fit.x
@@ -54,13 +54,13 @@ def register_pose(points_world, pixels, K, T_start, sigma_pose):
     return perturb_pose(T_start, delta), se, float(rms)
 
 
-def _huber_but_prior(z, count):
+def huber_but_prior(z, count, bound=HUBER):
     """Return Huber's loss and its derivatives (3, n) of squared residuals; those after ``count`` stay squares."""
     rho = np.stack([z, np.ones_like(z), np.zeros_like(z)])
-    far = z > HUBER**2
+    far = z > bound**2
     far[count:] = False
     root = np.sqrt(z[far])
-    rho[:, far] = [2 * HUBER * root - HUBER**2, HUBER / root, -HUBER / (2 * root**3)]
+    rho[:, far] = [2 * bound * root - bound**2, bound / root, -bound / (2 * root**3)]
     return rho
 
 

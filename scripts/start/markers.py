@@ -34,10 +34,11 @@ TOLERANCE = 0.3  # of a marker's side
 
 @dataclass(frozen=True)
 class Seen:
-    """Markers seen in one photograph: ids (n,) and corners (n, 4, 2), pixels."""
+    """Markers seen once in one photograph: ids (n,) and corners (n, 4, 2), pixels; ``doubled`` are ids seen more often."""
 
     ids: np.ndarray
     quads: np.ndarray
+    doubled: tuple = ()
 
     def centres(self):
         """Return where the diagonals cross (n, 2): what a homography does with a marker's centre."""
@@ -86,7 +87,7 @@ def detect(grey, dictionary):
         return Seen(np.zeros(0, int), np.zeros((0, 4, 2)))
     ids, quads = np.ravel(ids), np.array(quads).reshape(-1, 4, 2)
     once = [k for k in range(len(ids)) if (ids == ids[k]).sum() == 1]
-    return Seen(ids[once], quads[once])
+    return Seen(ids[once], quads[once], tuple(sorted(set(ids.tolist()) - set(ids[once].tolist()))))
 
 
 def dictionaries_seen(images):

@@ -13,6 +13,8 @@ from inputs.campaign import Board
 from inputs.experiment import rig_markers
 from register.boards import find_board
 from rig.errors import InputError
+from rig.plates import marker_corners_world
+from start.loose import place_loose_markers
 from start.markers import (
     FITTING_SHARE,
     LEAST_MARKERS,
@@ -22,8 +24,10 @@ from start.markers import (
     dictionaries_seen,
     smallest_dictionary,
 )
+from start.paper import plate_over_code
 
-GUESSED_SQUARE_M = 0.025
+GUESSED_SQUARE_M, GUESSED_MARKER_M = 0.025, 0.05
+GUESSED_PLATE = 1.25  # side of a white plate over that of its code
 NICE_RATIOS = (0.5, 0.6, 2 / 3, 0.7, 0.75, 0.8, 0.85, 0.9)  # of marker and square: what generators offer
 NEAR = 0.015
 FEWEST_SQUARES = (3, 3)
@@ -37,9 +41,11 @@ class Pattern:
     """What was found.
 
     board    inputs.campaign.Board, or None
-    markers  the markers' table of a known rig, or None; rig is its file
+    markers  the markers' table of a known rig or of loose markers, or None; rig is the known one's file
     guesses  {key of the board, or "square": why it is what it is}
     seen     one bool a photograph: whether it shows enough of it
+    left_out [(marker, why)] of markers that are not in the table
+    focals   {camera number: (focal length, standard error)} in pixels of the images looked at, of loose markers
     """
 
     board: object
@@ -47,13 +53,16 @@ class Pattern:
     guesses: dict = field(default_factory=dict)
     seen: tuple = ()
     rig: str = ""
+    left_out: tuple = ()
+    focals: dict = field(default_factory=dict)
 
 
-def find_pattern(images, square_m, rigs):
+def find_pattern(images, square_m, marker_m, rigs, loose):
     """Return the Pattern in grey images, uint8.
 
-    square_m  printed side of a square (of a grid: of a marker), None where it is not known
+    square_m, marker_m  printed sides of a square and of a marker, None where not known; of a grid, either is a marker's
     rigs      files of rigs whose printed plates are known
+    loose     returns the Pattern of {dictionary: [Seen of each image]}, for markers that lie as on none of these
     Raises InputError where nothing is found, or nothing that can be described.
     """
     found = dictionaries_seen(images)
@@ -63,7 +72,7 @@ def find_pattern(images, square_m, rigs):
             return pattern
     for name, seen in found.items():
         layout = best_layout(seen)
-        pattern = None if layout is None else _board(name, layout, square_m)
+        pattern = None if layout is None else _board(name, layout, square_m, marker_m)
         if pattern is not None:
             return pattern
     pattern = _chessboard(images, square_m)
@@ -71,23 +80,28 @@ def find_pattern(images, square_m, rigs):
         return pattern
     if found:
         names = ", ".join(f"{n} ({len(set().union(*(set(s.ids) for s in seen)))} ids)" for n, seen in found.items())
-        raise InputError(
-            f"there are markers, {names}, which lie neither as on a board nor as on a rig of config/rigs: measure where "
-            "they lie and write markers.csv (docs/campaign-format.md)"
-        )
+        try:
+            return loose(found)
+        except InputError as error:
+            raise InputError(
+                f"there are markers, {names}, which lie neither as on a board nor as on a rig of config/rigs, and where they "
+                f"lie can't be told: {error}; take more photographs, or measure it and write markers.csv "
+                "(docs/campaign-format.md)"
+            ) from None
     raise InputError(
         "no photograph shows a chessboard, a ChArUco board, a grid of markers or printed plates: is the board whole, flat "
         "and sharp? `make board` prints one"
     )
 
 
-def _board(dictionary, layout, square_m):
+def _board(dictionary, layout, square_m, marker_m):
     """Return the Pattern of a board whose markers' layout is known; None where no print is like that."""
     charuco = layout.kind == "charuco"
     rows, ratio = layout.rows(), layout.ratio
     nice = min(NICE_RATIOS, key=lambda r: abs(r - ratio))
     ratio = nice if abs(nice - ratio) < NEAR else round(ratio, 3)
-    side = square_m or GUESSED_SQUARE_M
+    known = square_m or (marker_m and marker_m / ratio) if charuco else marker_m or square_m
+    side = known or GUESSED_SQUARE_M
     markers = layout.columns * rows // (2 if charuco else 1)
     markers = max(markers, max(layout.inliers) + 1)
     given = {
@@ -99,13 +113,16 @@ def _board(dictionary, layout, square_m):
         "rows": f"the lowest row that was seen, by id {max(layout.inliers)}",
     }
     if charuco:
-        given |= {"type": "charuco", "square_m": side, "marker_m": round(side * ratio, 6)}
-        guesses["marker_m"] = f"measured in the photographs: {layout.ratio:.3f} of a square"
+        given |= {"type": "charuco", "square_m": round(side, 6), "marker_m": marker_m or round(side * ratio, 6)}
+        if marker_m is None:
+            guesses["marker_m"] = f"measured in the photographs: {layout.ratio:.3f} of a square"
+        elif square_m is None:
+            guesses["square_m"] = f"measured in the photographs: {1 / layout.ratio:.3f} of a marker"
     else:
         kind = "apriltag_grid" if "APRILTAG" in dictionary else "aruco_grid"
         given |= {"type": kind, "marker_m": side, "gap_m": round(side * (1 / layout.ratio - 1), 5)}
         guesses["gap_m"] = f"measured in the photographs: {1 / layout.ratio - 1:.3f} of a marker"
-    if square_m is None:
+    if known is None:
         guesses["square_m" if charuco else "marker_m"] = "GUESSED: measure it on the print"
     if not charuco or rows % 2:
         del given["legacy_pattern"]
@@ -136,6 +153,35 @@ def _plates(found, rig):
         return None
     guesses = {"markers": f"the plates of {Path(rig).name}, as `python scripts/print_board.py rig {rig}` prints them"}
     return Pattern(None, table, guesses, tuple(shown >= LEAST_MARKERS), str(rig))
+
+
+def loose_pattern(found, images, sizes, camera, side_m, focals):
+    """Return the Pattern of markers that lie loose; places and their standard errors are estimated.
+
+    found, sizes, camera, focals  as in start.loose.place_loose_markers; side_m is None where it is not known
+    Raises InputError where too few are seen together.
+    """
+    guesses, side = {}, side_m or GUESSED_MARKER_M
+    placed = place_loose_markers(found, sizes, camera, side, focals)
+    table = placed.markers
+    sightings = [(v, s.quads[k]) for seen in found.values() for v, s in enumerate(seen) for k in range(len(s.ids))]
+    paper = plate_over_code(images, *map(list, zip(*sightings, strict=True)))
+    table["plate_m"] = np.round(side * (paper or GUESSED_PLATE), 6)
+    if not placed.flat:  # nothing lies under the ground
+        table["z"] -= min(
+            0.0, min(marker_corners_world(m._replace(code_m=m.plate_m))[:, 2].min() for m in table.itertuples())
+        )
+    first = table.iloc[0]
+    error_mm = 1000 * np.sqrt((table[["se_x", "se_y", "se_z"]].iloc[1:] ** 2).sum(axis=1)).median()
+    guesses["markers"] = (
+        f"{len(table)} markers{', flat,' if placed.flat else ', not all in one plane,'} in the frame of "
+        f"{first.dictionary}/{first.id}; places estimated from the photographs, standard error {error_mm:.2g} mm"
+    )
+    how = f"seen: {paper:.2f} of a code" if paper else f"GUESSED: {GUESSED_PLATE:g} of a code"
+    guesses["plate_m"] = f"the white plates' side, the same for all; {how}"
+    if side_m is None:
+        guesses["code_m"] = f"GUESSED: all codes have sides of {1000 * side:g} mm, and all places are in proportion"
+    return Pattern(None, table, guesses, placed.seen, "", tuple(placed.left_out), placed.focal_px)
 
 
 def _family(dictionary):

@@ -1,0 +1,152 @@
+"""Draw a photograph of a board beside its twin, before and after the effects that were found: the report's first picture.
+
+As diagnose_camera does for rigs: ``example_real.png``, ``example_configured.png``, ``example_explained.png``, here of the board's
+part of the photograph. The twins are Blender's render of that photograph, moved along the board's plane to the pose and focal
+length that fit the points best with these effects; grey levels are scaled to the photograph's, whose light nobody knows.
+"""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from scipy.optimize import least_squares
+
+import job
+from effects import pipeline
+from effects.base import View
+from effects.library import effect_named
+from inputs import tables
+from inputs.campaign import Board, inside
+from inputs.images import read_image
+from inputs.render_store import read_station
+from register.boards import LEAST_POINTS
+from register.finders import board_finder
+from rig.errors import InputError
+from rig.geometry import camera_matrix, make_pose, perturb_pose, project
+
+NAMES = ("real", "configured", "explained")
+MARGINS = (0.25, 0.6)  # of the longer side, beyond the frame: a lens may look so far
+AROUND = 0.06  # of the board, kept beside it
+
+
+def twins_of(verdict):
+    """Return (effects as configured, effects with what was found) of a verdict's record, without those of the scene."""
+    configured = [(e["effect"], e["parameters"]) for e in verdict.get("configured", [])]
+    found = dict(configured)
+    for step in verdict["steps"]:
+        found[step["effect"]] = {k: p["value"] for k, p in step["parameters"].items()}
+    return tuple(
+        [(n, p) for n, p in effects if effect_named(n).STAGE != "scene"] for effects in (configured, found.items())
+    )
+
+
+def fitted_view(view, points, effects):
+    """Return the View with the pose and focal length that take a board's points (BoardPoints) to the photograph's best."""
+
+    def moved(p):
+        K = view.K.copy()
+        K[[0, 1], [0, 1]] *= np.exp(p[6])
+        return replace(view, K=K, T_cam_world=perturb_pose(view.T_cam_world, p[:6]))
+
+    def misses(p):
+        v = moved(p)
+        return (pipeline.map_points(project(v.K, v.T_cam_world, points.board), v, effects) - points.image).ravel()
+
+    return moved(least_squares(misses, np.zeros(7), loss="soft_l1", x_scale=1e-3).x)
+
+
+def drawn(radiance, margin, view, moved, effects):
+    """Return the twin (H, W, C) of a moved View from a render (rows, columns) of another pose: the board's plane is z = 0."""
+    H = moved.K @ moved.T_cam_world[:3, [0, 1, 3]] @ np.linalg.inv(view.K @ view.T_cam_world[:3, [0, 1, 3]])
+    for share in MARGINS:
+        wide = round(share * max(view.width, view.height))
+        to, back = np.eye(3), np.eye(3)
+        to[:2, 2], back[:2, 2] = wide, -margin
+        size = view.width + 2 * wide, view.height + 2 * wide
+        seen = cv2.warpPerspective(
+            radiance, to @ H @ back, size, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
+        )
+        try:
+            return pipeline.form_image(seen, replace(moved, margin=wide), effects, None)
+        except InputError:  # the lens looks farther
+            if share == MARGINS[-1]:
+                raise
+    return None
+
+
+def board_part(points, size):
+    """Return (rows, columns), slices, of a board's part of a photograph of a size (width, height)."""
+    low, high = points.image.min(axis=0), points.image.max(axis=0)
+    around = AROUND * (high - low).max()
+    (x0, y0), (x1, y1) = np.maximum(low - around, 0).astype(int), np.minimum(high + around, size).astype(int)
+    return slice(y0, y1), slice(x0, x1)
+
+
+def like_photograph(twins, real, inside_board):
+    """Return twins (H, W, 3) with the last one's grey levels scaled to a photograph's (H, W, 3) within a mask, by channel."""
+    scaled = [np.repeat(t, 3, axis=2) if t.shape[2] == 1 else t.copy() for t in twins]
+    for channel in range(3):
+        slope, offset = np.polyfit(scaled[-1][inside_board, channel], real[inside_board, channel], 1)
+        for twin in scaled:
+            twin[..., channel] = slope * twin[..., channel] + offset
+    return scaled
+
+
+def draw_board_example(expand, register_csv, register_json, manifest, campaign, camera, verdict, out):
+    """Write the three images, a path each in ``out`` by NAMES; black squares where no photograph shows the board.
+
+    The photograph is the one of those held out that the ideal pinhole fits worst.
+    """
+    expand = Path(expand)
+    facts = json.loads((expand / "scene.json").read_text())
+    verdict, record = (json.loads(Path(p).read_text()) for p in (verdict, manifest))
+    registered = tables.read_table(register_csv, tables.REGISTERED)
+    held = registered[registered.capture.isin(verdict.get("held_out", [])) & (registered.status == "registered")]
+    row = held.loc[held.rms_px.idxmax()] if len(held) else None
+    images = [np.zeros((8, 8, 3))] * 3 if row is None else _images(
+        facts, register_json, manifest, record, expand, campaign, camera, row, twins_of(verdict)
+    )  # fmt: skip
+    for name, image in zip(NAMES, images, strict=True):
+        pixels = np.clip(np.rint(image), 0, 255).astype(np.uint8)[..., ::-1]
+        with job.write_atomically(out[name], "wb") as file:
+            file.write(cv2.imencode(".png", pixels)[1].tobytes())
+
+
+def _images(facts, register_json, manifest, record, expand, campaign, camera, row, twins):
+    """Return the photograph's board part and the two twins' (H, W, 3), red first."""
+    captures = tables.read_table(expand / "captures.csv", tables.CAPTURES).set_index("capture")
+    intrinsics = json.loads(Path(register_json).read_text())
+    K = camera_matrix(*(intrinsics[k] for k in ("fx", "fy", "cx", "cy")))
+    image = read_image(inside(campaign, captures.image[row.capture], f"{campaign}: capture {row.capture}"))
+    real = (image // 257 if image.dtype == np.uint16 else image).astype(float)
+    real = np.repeat(real[..., None], 3, axis=2) if real.ndim == 2 else real[..., ::-1]
+    entry = record["stations"][row.station]
+    radiance, margin = read_station(Path(manifest).parent, entry)
+    size = real.shape[1], real.shape[0]
+    T = make_pose(entry["pose"][:3], entry["pose"][3:])
+    view = View(K, *size, 0, T, camera, row.capture, row.station, float(facts["exposure"]), facts["encoding"])
+    points = max(board_finder(Board.model_validate(facts["target"]))(image), key=lambda p: len(p.image))
+    if len(points.image) < LEAST_POINTS:
+        return [np.zeros((8, 8, 3))] * 3
+    drawn_twins = [drawn(radiance, margin, view, fitted_view(view, points, e), e) for e in twins]
+    mask = np.zeros(real.shape[:2], np.uint8)
+    cv2.fillConvexPoly(mask, cv2.convexHull(points.image.astype(np.float32)).astype(np.int32), 1)
+    part = board_part(points, size)
+    return [i[part] for i in (real, *like_photograph(drawn_twins, real, mask > 0))]
+
+
+if __name__ == "__main__":
+    job.run(
+        draw_board_example,
+        snakemake,
+        expand=Path(snakemake.input.scene).parent,
+        register_csv=snakemake.input.register,
+        register_json=snakemake.input.register_json,
+        manifest=snakemake.input.manifest,
+        campaign=snakemake.params.campaign,
+        camera=snakemake.wildcards.camera,
+        verdict=snakemake.input.verdict,
+        out=dict(zip(NAMES, snakemake.output.example, strict=True)),
+    )
