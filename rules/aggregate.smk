@@ -23,6 +23,8 @@ rule aggregate_detections:
         false_ids=f"{RESULTS}/aggregate/false_ids.parquet",
     log:
         f"{RESULTS}/logs/aggregate_detections.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/aggregate_detections.tsv",
     conda:
         "../envs/twingap.yaml"
     params:
@@ -48,6 +50,8 @@ rule make_tables:
         f"{RESULTS}/tables/headlines.json",
     log:
         f"{RESULTS}/logs/make_tables.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/make_tables.tsv",
     conda:
         "../envs/twingap.yaml"
     params:

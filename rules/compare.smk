@@ -25,6 +25,8 @@ rule compare_twins:
         cells=f"{RESULTS}/compare/{{camera}}.parquet",
     log:
         f"{RESULTS}/logs/compare_twins/{{camera}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/compare_twins/{{camera}}.tsv",
     conda:
         "../envs/twingap.yaml"
     params:
@@ -45,6 +47,8 @@ rule join_comparisons:
         f"{RESULTS}/tables/before_after.csv",
     log:
         f"{RESULTS}/logs/join_comparisons.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/join_comparisons.tsv",
     conda:
         "../envs/twingap.yaml"
     message:

@@ -13,6 +13,8 @@ rule verify_data:
         f"{RESULTS}/verified.json",
     log:
         f"{RESULTS}/logs/verify_data.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/verify_data.tsv",
     # before the long jobs: bad data should cost nothing
     priority: 100
     conda:

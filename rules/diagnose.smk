@@ -92,6 +92,8 @@ if BOARD:
             ladder=f"{RESULTS}/diagnosis/{{camera}}/ladder.csv",
         log:
             f"{RESULTS}/logs/diagnose_board/{{camera}}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/diagnose_board/{{camera}}.tsv",
         conda:
             "../envs/twingap.yaml"
         params:
@@ -111,6 +113,8 @@ rule make_ladder:
         f"{RESULTS}/tables/ladder.csv",
     log:
         f"{RESULTS}/logs/make_ladder.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/make_ladder.tsv",
     conda:
         "../envs/twingap.yaml"
     message:

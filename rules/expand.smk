@@ -18,6 +18,8 @@ rule expand_tables:
         scene=f"{RESULTS}/expand/scene.json",
     log:
         f"{RESULTS}/logs/expand_tables.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/expand_tables.tsv",
     # the diagnosis is the longest way: it goes first
     priority: 60
     conda:
@@ -45,6 +47,8 @@ use rule expand_tables as expand_camera with:
         scene=f"{RESULTS}/expand/{{camera}}/scene.json",
     log:
         f"{RESULTS}/logs/expand_camera/{{camera}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/expand_camera/{{camera}}.tsv",
     params:
         campaign=campaign_folder,
         experiment=config["experiment"],

@@ -63,6 +63,8 @@ rule build_explorer:
         page=f"{RESULTS}/report/explore.html",
     log:
         f"{RESULTS}/logs/build_explorer.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/build_explorer.tsv",
     conda:
         "../envs/twingap.yaml"
     params:

@@ -50,6 +50,8 @@ rule describe_files:
         table=f"{RESULTS}/register/{{camera}}/files.csv",
     log:
         f"{RESULTS}/logs/describe_files/{{camera}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/describe_files/{{camera}}.tsv",
     conda:
         "../envs/twingap.yaml"
     params:

@@ -39,6 +39,8 @@ rule run_overview:
         page=f"{RESULTS}/report/overview.html",
     log:
         f"{RESULTS}/logs/run_overview.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/run_overview.tsv",
     conda:
         "../envs/twingap.yaml"
     params:
@@ -67,6 +69,8 @@ use rule run_overview as run_figure3 with:
         page=f"{RESULTS}/report/figure3.html",
     log:
         f"{RESULTS}/logs/run_figure3.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/run_figure3.tsv",
     message:
         "Drawing where markers are found (Figure 3)"
 
@@ -94,6 +98,8 @@ use rule run_figure3 as run_photographs with:
         page=f"{RESULTS}/report/photographs.html",
     log:
         f"{RESULTS}/logs/run_photographs.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/run_photographs.tsv",
     message:
         "Telling what the photographs were taken with"
 
@@ -115,6 +121,8 @@ use rule run_figure3 as run_figure4 with:
         page=f"{RESULTS}/report/figure4.html",
     log:
         f"{RESULTS}/logs/run_figure4.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/run_figure4.tsv",
     message:
         "Drawing how poses differ (Figure 4)"
 
@@ -135,6 +143,8 @@ use rule run_figure3 as run_tables with:
         page=f"{RESULTS}/report/tables.html",
     log:
         f"{RESULTS}/logs/run_tables.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/run_tables.tsv",
     message:
         "Setting Tables 1 and 2 in words"
 
@@ -150,6 +160,8 @@ use rule run_figure3 as run_diagnosis with:
         page=f"{RESULTS}/report/diagnosis.html",
     log:
         f"{RESULTS}/logs/run_diagnosis.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/run_diagnosis.tsv",
     message:
         "Telling what the twins lack"
 
@@ -167,6 +179,8 @@ use rule run_figure3 as run_before_after with:
         page=f"{RESULTS}/report/before_after.html",
     log:
         f"{RESULTS}/logs/run_before_after.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/run_before_after.tsv",
     message:
         "Drawing tables and figures before and after"
 
@@ -185,6 +199,8 @@ rule write_provenance:
         run_config=f"{RESULTS}/run_config.yaml",
     log:
         f"{RESULTS}/logs/write_provenance.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/write_provenance.tsv",
     conda:
         "../envs/twingap.yaml"
     params:
@@ -216,6 +232,8 @@ rule build_report:
         page=f"{RESULTS}/report/index.html",
     log:
         f"{RESULTS}/logs/build_report.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/build_report.tsv",
     conda:
         "../envs/twingap.yaml"
     params:
