@@ -24,7 +24,7 @@ rule aggregate_detections:
     log:
         f"{RESULTS}/logs/aggregate_detections.log",
     benchmark:
-        f"{RESULTS}/benchmarks/aggregate_detections.tsv",
+        f"{RESULTS}/benchmarks/aggregate_detections.tsv"
     conda:
         "../envs/twingap.yaml"
     params:
@@ -51,7 +51,7 @@ rule make_tables:
     log:
         f"{RESULTS}/logs/make_tables.log",
     benchmark:
-        f"{RESULTS}/benchmarks/make_tables.tsv",
+        f"{RESULTS}/benchmarks/make_tables.tsv"
     conda:
         "../envs/twingap.yaml"
     params:

@@ -26,7 +26,7 @@ rule compare_twins:
     log:
         f"{RESULTS}/logs/compare_twins/{{camera}}.log",
     benchmark:
-        f"{RESULTS}/benchmarks/compare_twins/{{camera}}.tsv",
+        f"{RESULTS}/benchmarks/compare_twins/{{camera}}.tsv"
     conda:
         "../envs/twingap.yaml"
     params:
@@ -48,7 +48,7 @@ rule join_comparisons:
     log:
         f"{RESULTS}/logs/join_comparisons.log",
     benchmark:
-        f"{RESULTS}/benchmarks/join_comparisons.tsv",
+        f"{RESULTS}/benchmarks/join_comparisons.tsv"
     conda:
         "../envs/twingap.yaml"
     message:

@@ -14,7 +14,7 @@ rule verify_data:
     log:
         f"{RESULTS}/logs/verify_data.log",
     benchmark:
-        f"{RESULTS}/benchmarks/verify_data.tsv",
+        f"{RESULTS}/benchmarks/verify_data.tsv"
     # before the long jobs: bad data should cost nothing
     priority: 100
     conda:

@@ -93,7 +93,7 @@ if BOARD:
         log:
             f"{RESULTS}/logs/diagnose_board/{{camera}}.log",
         benchmark:
-            f"{RESULTS}/benchmarks/diagnose_board/{{camera}}.tsv",
+            f"{RESULTS}/benchmarks/diagnose_board/{{camera}}.tsv"
         conda:
             "../envs/twingap.yaml"
         params:
@@ -114,7 +114,7 @@ rule make_ladder:
     log:
         f"{RESULTS}/logs/make_ladder.log",
     benchmark:
-        f"{RESULTS}/benchmarks/make_ladder.tsv",
+        f"{RESULTS}/benchmarks/make_ladder.tsv"
     conda:
         "../envs/twingap.yaml"
     message:

@@ -19,7 +19,7 @@ rule expand_tables:
     log:
         f"{RESULTS}/logs/expand_tables.log",
     benchmark:
-        f"{RESULTS}/benchmarks/expand_tables.tsv",
+        f"{RESULTS}/benchmarks/expand_tables.tsv"
     # the diagnosis is the longest way: it goes first
     priority: 60
     conda:
@@ -48,7 +48,7 @@ use rule expand_tables as expand_camera with:
     log:
         f"{RESULTS}/logs/expand_camera/{{camera}}.log",
     benchmark:
-        f"{RESULTS}/benchmarks/expand_camera/{{camera}}.tsv",
+        f"{RESULTS}/benchmarks/expand_camera/{{camera}}.tsv"
     params:
         campaign=campaign_folder,
         experiment=config["experiment"],

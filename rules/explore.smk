@@ -64,7 +64,7 @@ rule build_explorer:
     log:
         f"{RESULTS}/logs/build_explorer.log",
     benchmark:
-        f"{RESULTS}/benchmarks/build_explorer.tsv",
+        f"{RESULTS}/benchmarks/build_explorer.tsv"
     conda:
         "../envs/twingap.yaml"
     params:

@@ -25,7 +25,7 @@ rule trace_moving:
     log:
         f"{MOVING}/logs/trace_moving.log",
     benchmark:
-        f"{MOVING}/benchmarks/trace_moving.tsv",
+        f"{MOVING}/benchmarks/trace_moving.tsv"
     conda:
         "../envs/twingap.yaml"
     params:
@@ -102,7 +102,7 @@ rule measure_moving:
     log:
         f"{MOVING}/logs/measure_moving.log",
     benchmark:
-        f"{MOVING}/benchmarks/measure_moving.tsv",
+        f"{MOVING}/benchmarks/measure_moving.tsv"
     conda:
         "../envs/twingap.yaml"
     params:
@@ -127,7 +127,7 @@ rule draw_moving:
     log:
         f"{MOVING}/logs/draw_moving/{{detector}}.log",
     benchmark:
-        f"{MOVING}/benchmarks/draw_moving/{{detector}}.tsv",
+        f"{MOVING}/benchmarks/draw_moving/{{detector}}.tsv"
     conda:
         "../envs/twingap.yaml"
     params:
@@ -162,7 +162,7 @@ rule run_moving:
     log:
         f"{MOVING}/logs/run_moving.log",
     benchmark:
-        f"{MOVING}/benchmarks/run_moving.tsv",
+        f"{MOVING}/benchmarks/run_moving.tsv"
     conda:
         "../envs/twingap.yaml"
     params:

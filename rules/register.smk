@@ -51,7 +51,7 @@ rule describe_files:
     log:
         f"{RESULTS}/logs/describe_files/{{camera}}.log",
     benchmark:
-        f"{RESULTS}/benchmarks/describe_files/{{camera}}.tsv",
+        f"{RESULTS}/benchmarks/describe_files/{{camera}}.tsv"
     conda:
         "../envs/twingap.yaml"
     params:

@@ -40,7 +40,7 @@ rule run_overview:
     log:
         f"{RESULTS}/logs/run_overview.log",
     benchmark:
-        f"{RESULTS}/benchmarks/run_overview.tsv",
+        f"{RESULTS}/benchmarks/run_overview.tsv"
     conda:
         "../envs/twingap.yaml"
     params:
@@ -70,7 +70,7 @@ use rule run_overview as run_figure3 with:
     log:
         f"{RESULTS}/logs/run_figure3.log",
     benchmark:
-        f"{RESULTS}/benchmarks/run_figure3.tsv",
+        f"{RESULTS}/benchmarks/run_figure3.tsv"
     message:
         "Drawing where markers are found (Figure 3)"
 
@@ -99,7 +99,7 @@ use rule run_figure3 as run_photographs with:
     log:
         f"{RESULTS}/logs/run_photographs.log",
     benchmark:
-        f"{RESULTS}/benchmarks/run_photographs.tsv",
+        f"{RESULTS}/benchmarks/run_photographs.tsv"
     message:
         "Telling what the photographs were taken with"
 
@@ -122,7 +122,7 @@ use rule run_figure3 as run_figure4 with:
     log:
         f"{RESULTS}/logs/run_figure4.log",
     benchmark:
-        f"{RESULTS}/benchmarks/run_figure4.tsv",
+        f"{RESULTS}/benchmarks/run_figure4.tsv"
     message:
         "Drawing how poses differ (Figure 4)"
 
@@ -144,7 +144,7 @@ use rule run_figure3 as run_tables with:
     log:
         f"{RESULTS}/logs/run_tables.log",
     benchmark:
-        f"{RESULTS}/benchmarks/run_tables.tsv",
+        f"{RESULTS}/benchmarks/run_tables.tsv"
     message:
         "Setting Tables 1 and 2 in words"
 
@@ -161,7 +161,7 @@ use rule run_figure3 as run_diagnosis with:
     log:
         f"{RESULTS}/logs/run_diagnosis.log",
     benchmark:
-        f"{RESULTS}/benchmarks/run_diagnosis.tsv",
+        f"{RESULTS}/benchmarks/run_diagnosis.tsv"
     message:
         "Telling what the twins lack"
 
@@ -180,7 +180,7 @@ use rule run_figure3 as run_before_after with:
     log:
         f"{RESULTS}/logs/run_before_after.log",
     benchmark:
-        f"{RESULTS}/benchmarks/run_before_after.tsv",
+        f"{RESULTS}/benchmarks/run_before_after.tsv"
     message:
         "Drawing tables and figures before and after"
 
@@ -200,7 +200,7 @@ rule write_provenance:
     log:
         f"{RESULTS}/logs/write_provenance.log",
     benchmark:
-        f"{RESULTS}/benchmarks/write_provenance.tsv",
+        f"{RESULTS}/benchmarks/write_provenance.tsv"
     conda:
         "../envs/twingap.yaml"
     params:
@@ -233,7 +233,7 @@ rule build_report:
     log:
         f"{RESULTS}/logs/build_report.log",
     benchmark:
-        f"{RESULTS}/benchmarks/build_report.tsv",
+        f"{RESULTS}/benchmarks/build_report.tsv"
     conda:
         "../envs/twingap.yaml"
     params:
