@@ -27,6 +27,9 @@ rule aggregate_detections:
         f"{RESULTS}/benchmarks/aggregate_detections.tsv"
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("aggregate_detections"),
+        runtime=runtime_of("aggregate_detections"),
     params:
         pins=locked("numpy", "scipy", "pandas", "pandera", "pyarrow"),
     message:
@@ -54,6 +57,9 @@ rule make_tables:
         f"{RESULTS}/benchmarks/make_tables.tsv"
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("make_tables"),
+        runtime=runtime_of("make_tables"),
     params:
         reference=config["aggregate"]["reference_detector"],
         pins=locked("numpy", "scipy", "pandas"),

@@ -29,6 +29,9 @@ rule compare_twins:
         f"{RESULTS}/benchmarks/compare_twins/{{camera}}.tsv"
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("compare_twins"),
+        runtime=runtime_of("compare_twins"),
     params:
         parameters={name: config["detectors"][name] for name in DETECTORS},
         seed=config["seed"],

@@ -19,6 +19,9 @@ rule verify_data:
     priority: 100
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("verify_data"),
+        runtime=runtime_of("verify_data"),
     params:
         campaign=campaign_folder,
         stores=DVC_STORES,

@@ -19,10 +19,15 @@ rule observe_captures:
         f"{RESULTS}/logs/observe_captures/{{camera}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/observe_captures/{{camera}}.tsv"
+    wildcard_constraints:
+        camera=one_of(UNDIVIDED),
     # the diagnosis is the longest way: it goes first
     priority: 50
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("observe_captures"),
+        runtime=runtime_of("observe_captures"),
     params:
         campaign=CAMPAIGN,
         pins=locked("numpy", "scipy", "numba", "opencv-contrib-python-headless"),
@@ -58,6 +63,9 @@ rule diagnose_camera:
     conda:
         "../envs/twingap.yaml"
     threads: 2
+    resources:
+        mem_mb=mem_mb_of("diagnose_camera"),
+        runtime=runtime_of("diagnose_camera"),
     params:
         campaign=CAMPAIGN,
         effects=configured_effects,

@@ -24,6 +24,9 @@ rule expand_tables:
     priority: 60
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("expand_tables"),
+        runtime=runtime_of("expand_tables"),
     params:
         campaign=campaign_folder,
         experiment=config["experiment"],

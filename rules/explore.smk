@@ -38,6 +38,9 @@ rule explore_camera:
         f"{RESULTS}/benchmarks/explore_camera/{{camera}}.tsv"
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("explore_camera"),
+        runtime=runtime_of("explore_camera"),
     params:
         campaign=campaign_folder,
         most=config["explore"]["captures"],
@@ -67,6 +70,9 @@ rule build_explorer:
         f"{RESULTS}/benchmarks/build_explorer.tsv"
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("build_explorer"),
+        runtime=runtime_of("build_explorer"),
     params:
         cameras=CAMERAS,
         detectors=DETECTORS,

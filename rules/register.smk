@@ -31,6 +31,9 @@ rule register_captures:
     priority: 60
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("register_captures"),
+        runtime=runtime_of("register_captures"),
     params:
         facts=camera_facts,
         campaign=CAMPAIGN,
@@ -54,6 +57,9 @@ rule describe_files:
         f"{RESULTS}/benchmarks/describe_files/{{camera}}.tsv"
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("describe_files"),
+        runtime=runtime_of("describe_files"),
     params:
         facts=camera_facts,
         campaign=CAMPAIGN,

@@ -43,6 +43,9 @@ rule run_overview:
         f"{RESULTS}/benchmarks/run_overview.tsv"
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("run_notebook"),
+        runtime=runtime_of("run_notebook"),
     params:
         paths={"results": RESULTS, "project": ".", "campaign": CAMPAIGN},
         pins=locked("papermill", "nbconvert", "matplotlib"),
@@ -203,6 +206,9 @@ rule write_provenance:
         f"{RESULTS}/benchmarks/write_provenance.tsv"
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("write_provenance"),
+        runtime=runtime_of("write_provenance"),
     params:
         configuration=config,
     message:
@@ -236,6 +242,9 @@ rule build_report:
         f"{RESULTS}/benchmarks/build_report.tsv"
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("build_report"),
+        runtime=runtime_of("build_report"),
     params:
         explorer=[Path(path).name for path in EXPLORER],
         pins=locked("jinja2", "pandas"),
