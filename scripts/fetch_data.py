@@ -131,9 +131,8 @@ def fetch(repo, dvc_file, remote):
         if not damaged and (said or listing is not None):
             break
     if listing is None:
-        return (
-            f"the list of its captures {f'did not arrive: {reasons_of(said)}' if said else 'is damaged on the remote'}"
-        )
+        why = f"did not arrive: {reasons_of(said)}" if said else "is missing or damaged on the remote"
+        return f"the list of its captures {why}"
     return what_lacks(listing, cache, damaged, said)
 
 

@@ -99,10 +99,10 @@ def test_files_of_ones_own_are_not_overwritten_unasked(place):
 
 
 def test_a_remote_that_is_not_there_is_named(place):
-    """Fails if a share that is not mounted looks like an empty one."""
+    """Fails if a share that is not mounted passes as one that has all."""
     _, remote = place
     shutil.rmtree(remote.parents[1])
-    assert "the list of its captures did not arrive" in message() or "does not exist" in message()
+    assert "the list of its captures is missing or damaged on the remote" in message()
 
 
 def test_an_unknown_remote_and_a_missing_file_are_named(place):
