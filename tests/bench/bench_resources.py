@@ -42,7 +42,15 @@ def main():
     """Read the command line, renew the table, print it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("results", type=Path, help="a finished run's folder, such as results/frame")
-    new = measured(parser.parse_args().results).round(3)
+    results = parser.parse_args().results
+    job.set_up_log()
+    with job.one_message():
+        renew(results)
+
+
+def renew(results):
+    """Write the table anew with what a run's folder has, and print it."""
+    new = measured(results).round(3)
     old = pd.read_csv(TABLE, index_col="rule") if TABLE.is_file() else new.iloc[:0]
     table = new.combine_first(old)[["mem_mb", "capture_s"]].sort_index().astype({"mem_mb": int})
     with job.write_atomically(TABLE) as file:
