@@ -1,5 +1,5 @@
 """A Slurm of one node, this machine, in a folder of its own: munged, slurmctld and slurmd of Debian's packages, started by
-hand and stopped at the end. No accounting, no cgroups, nothing in /etc.
+hand and stopped at the end. No accounting, no cgroups; a link in /etc/slurm as long as it runs.
 
 ``with running(folder) as environment:`` gives the environment in which sbatch, srun and squeue talk to it.
 """
@@ -13,7 +13,9 @@ import time
 from pathlib import Path
 
 PROGRAMS = ("munged", "mungekey", "slurmctld", "slurmd", "sbatch", "srun", "squeue", "sinfo", "scontrol")
-STARTS_S = 30
+STARTS_S = 60
+# Where Debian's Slurm looks: the srun of a job does not get the submitter's SLURM_CONF.
+DEFAULT_CONF = Path("/etc/slurm/slurm.conf")
 MEMORY_SHARE = 0.9  # of the machine's memory that jobs may ask for
 
 
@@ -72,6 +74,10 @@ PartitionName=all Nodes={host} Default=YES MaxTime=INFINITE State=UP
 def running(folder):
     """Start the three daemons with all their files in ``folder``; give the environment to talk to them; stop them."""
     folder = Path(folder).resolve()
+    if DEFAULT_CONF.is_symlink() and not DEFAULT_CONF.exists():
+        DEFAULT_CONF.unlink()  # of a run that was killed
+    if DEFAULT_CONF.exists():
+        raise RuntimeError(f"{DEFAULT_CONF}: this machine has a Slurm already")
     for name in ("state", "spool"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     memory_mb = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**20
@@ -90,6 +96,7 @@ def running(folder):
         ["slurmd", "-D", "-f", str(folder / "slurm.conf"), "-N", host],
     ]
     started = []
+    DEFAULT_CONF.symlink_to(folder / "slurm.conf")
     try:
         for command in daemons:
             with open(folder / f"{command[0]}.out", "w") as out:
@@ -100,6 +107,7 @@ def running(folder):
         wait_for(lambda: node_state(environment) == "idle", started[-1], folder)
         yield environment
     finally:
+        DEFAULT_CONF.unlink()
         for daemon in reversed(started):
             daemon.terminate()
             try:
