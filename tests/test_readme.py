@@ -23,7 +23,7 @@ from rig.targets import target_plate
 from tiny_campaign import lay_down
 from workflow_runs import PROJECT
 
-PAGES = ("README.md", "docs/own-campaign.md", "docs/calibrations.md", "docs/clusters.md")
+PAGES = ("README.md", "docs/clusters.md", "docs/own-campaign.md", "docs/calibrations.md")
 README = "\n\n".join((PROJECT / page).read_text(encoding="utf-8") for page in PAGES)
 PROGRAMS = ("make", "snakemake", "source", "jupyter", "python", "dvc", "cp", "git", "uv", ".tools/bin/uv")
 LONGEST_S = 120
