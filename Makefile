@@ -3,6 +3,8 @@
 # make picture  the README's pictures, from the results
 # make board    PDFs to print: a calibration board, the ladders' plates, on A4 and letter
 # make bench    all measurements, and the page docs/benchmarks.md (hours)
+# make bench-slurm  the embedded campaign through a Slurm of one node, against a run without (as root on Debian)
+# make bench-s3     DVC with a server of an object store, and with what goes wrong there
 # make lint     style and workflow checks
 # make makers   other programs' readers of calibrations, for the tests against them
 # make lock     renew envs/twingap.lock.txt from pyproject.toml
@@ -22,7 +24,7 @@ ifneq ($(SYSTEM_CERTIFICATES),)
 export SSL_CERT_FILE ?= $(SYSTEM_CERTIFICATES)
 endif
 
-.PHONY: results environment data test picture board bench lint makers lock
+.PHONY: results environment data test picture board bench bench-slurm bench-s3 lint makers lock
 
 results: environment data
 	$(BIN)/snakemake --cores $(CORES)
@@ -62,6 +64,26 @@ board: environment
 
 bench: environment data
 	$(BIN)/python tests/bench/run_benchmarks.py
+
+# What only these need lies in folders of its own: nothing of it comes to .venv.
+SLURM := .tools/slurm
+S3 := .tools/s3
+
+$(SLURM): pyproject.toml | environment
+	$(UV) pip install --quiet --python $(BIN)/python --target $@ --no-deps --group slurm
+	@touch $@
+
+$(S3): pyproject.toml | environment
+	$(UV) venv --clear --quiet --python 3.13 $@
+	$(UV) pip install --quiet --python $@/bin/python --group s3
+	@touch $@
+
+bench-slurm: data $(SLURM)
+	command -v slurmctld munged > /dev/null || apt-get install -y -qq --no-install-recommends slurm-wlm munge
+	PYTHONPATH=$(CURDIR)/$(SLURM) $(BIN)/python tests/bench/bench_slurm.py $(TINY)
+
+bench-s3: data $(S3)
+	$(BIN)/python tests/bench/bench_s3.py
 
 lint: environment data
 	$(BIN)/ruff check .

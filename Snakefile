@@ -49,6 +49,7 @@ for stage in (
     "detect",
     "aggregate",
     "diagnose",
+    "batches",
     "compare",
     "explore",
     "report",

@@ -23,8 +23,13 @@ rule aggregate_detections:
         false_ids=f"{RESULTS}/aggregate/false_ids.parquet",
     log:
         f"{RESULTS}/logs/aggregate_detections.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/aggregate_detections.tsv"
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("aggregate_detections"),
+        runtime=runtime_of("aggregate_detections"),
     params:
         pins=locked("numpy", "scipy", "pandas", "pandera", "pyarrow"),
     message:
@@ -48,8 +53,13 @@ rule make_tables:
         f"{RESULTS}/tables/headlines.json",
     log:
         f"{RESULTS}/logs/make_tables.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/make_tables.tsv"
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("make_tables"),
+        runtime=runtime_of("make_tables"),
     params:
         reference=config["aggregate"]["reference_detector"],
         pins=locked("numpy", "scipy", "pandas"),

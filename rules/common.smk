@@ -5,11 +5,14 @@ Needs: the configuration. Makes: nothing. A wrong configuration or campaign ends
 
 import hashlib
 import json
+import math
 import re
 import sys
 from pathlib import Path
 
 sys.path[:0] = ["scripts"]
+
+import pandas as pd
 
 from detectors import contract
 from expand_tables import facts_of
@@ -129,6 +132,36 @@ def captures_of(wildcards):
     """
     paths = images(wildcards.camera)
     return ancient(paths) if dvc_files() else paths
+
+
+def one_of(names):
+    """Return the regular expression of some names, of nothing where there are none."""
+    return "|".join(map(re.escape, names)) or "(?!)"
+
+
+def part_of_batch(wildcards):
+    """Return [first, after the last] of a batch's captures, counted in the order of their names."""
+    first = int(wildcards.batch) * config["batch"]
+    return [first, first + config["batch"]]
+
+
+def captures_of_batch(wildcards):
+    """Return the images of a batch of wildcards.camera; see captures_of for what counts as a change."""
+    rows = SOURCE.captures[SOURCE.captures.camera == wildcards.camera]
+    rows = rows.sort_values("capture").iloc[slice(*part_of_batch(wildcards))]
+    paths = [f"{CAMPAIGN}/{image}" for image in rows.image]
+    return ancient(paths) if dvc_files() else paths
+
+
+def batches_of(name):
+    """Return a function of wildcards: the files of a name, with wildcards, of all batches of wildcards.camera."""
+
+    def files(wildcards):
+        count = -(-CAPTURE_COUNTS[wildcards.camera] // config["batch"])
+        folder = f"{RESULTS}/batches/{wildcards.camera}"
+        return [f"{folder}/{k}/{name.format(**wildcards)}" for k in range(count)]
+
+    return files
 
 
 def wildcard_camera(wildcards):
@@ -284,6 +317,53 @@ def detector_parameters(wildcards):
     return config["detectors"][wildcards.detector]
 
 
+def mem_mb_of(rule):
+    """Return a function of a job: the memory that it asks for, MB; more where images are larger than the measured ones."""
+
+    def mem_mb(wildcards, attempt):
+        more = MEGAPIXEL_MB * max(megapixels(wildcards) - MEASURED_MEGAPIXELS, 0)
+        return attempt * math.ceil(SPARE_MEMORY * measured(rule).mem_mb + more)
+
+    return mem_mb
+
+
+def runtime_of(rule):
+    """Return a function of a job: the minutes that it asks for, by how many captures of which size it has."""
+
+    def runtime(wildcards, attempt):
+        size = max(megapixels(wildcards) / MEASURED_MEGAPIXELS, 1)
+        seconds = measured(rule).capture_s * captures_in(wildcards) * size
+        return attempt * math.ceil(SPARE_MINUTES + SPARE_TIME * seconds / 60)
+
+    return runtime
+
+
+def measured(rule):
+    """Return the row of a rule in what was measured; that of ``other`` where it has none."""
+    return MEASURED.loc[rule if rule in MEASURED.index else "other"]
+
+
+def megapixels(wildcards):
+    """Return the size of a job's images, of the largest where it has all cameras'."""
+    camera = getattr(wildcards, "camera", None)
+    cameras = SOURCE.file.cameras
+    chosen = [cameras[camera]] if camera else list(cameras.values())
+    return max(c.width * c.height for c in chosen) / 1e6
+
+
+def captures_in(wildcards):
+    """Return how many captures a job has to do with."""
+    camera = getattr(wildcards, "camera", None)
+    count = CAPTURE_COUNTS[camera] if camera else sum(CAPTURE_COUNTS.values())
+    return min(count, config["batch"]) if hasattr(wildcards, "batch") else count
+
+
+# What jobs were measured to take (`python tests/bench/bench_resources.py RESULTS`), and what they ask for above that.
+MEASURED = pd.read_csv("config/resources.csv", index_col="rule")
+MEASURED_MEGAPIXELS = 0.5
+MEGAPIXEL_MB = 130  # of a render job, from 0.5 to 8.3 megapixels
+SPARE_MEMORY, SPARE_TIME, SPARE_MINUTES = 1.5, 4, 5
+
 LOCKED = read_lock(LOCK)
 checked_config, SOURCE = checked()
 config.update(checked_config)
@@ -292,6 +372,10 @@ NAME = SOURCE.file.name
 RESULTS = f"results/{NAME}"
 CAMERAS = sorted(set(SOURCE.captures.camera) if CAMPAIGN else SOURCE.file.cameras)
 DETECTORS = sorted(config["detectors"])
+CAPTURE_COUNTS = SOURCE.captures.camera.value_counts().to_dict()
+# Cameras whose captures are divided among jobs (batches.smk), and the others.
+DIVIDED = [c for c in CAMERAS if CAMPAIGN and CAPTURE_COUNTS[c] > config["batch"]]
+UNDIVIDED = [c for c in CAMERAS if c not in DIVIDED]
 DIAGNOSIS = (
     expand(f"{RESULTS}/diagnosis/{{camera}}.json", camera=CAMERAS)
     + [f"{RESULTS}/tables/ladder.csv"]
@@ -307,6 +391,7 @@ HAS_MARKERS = len(SOURCE.markers) > 0
 
 wildcard_constraints:
     camera="|".join(CAMERAS),
+    batch="[0-9]+",
 
 
 CANDIDATES = config["diagnose"]["candidates"] or sorted(available_effects())

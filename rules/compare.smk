@@ -25,8 +25,13 @@ rule compare_twins:
         cells=f"{RESULTS}/compare/{{camera}}.parquet",
     log:
         f"{RESULTS}/logs/compare_twins/{{camera}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/compare_twins/{{camera}}.tsv"
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("compare_twins"),
+        runtime=runtime_of("compare_twins"),
     params:
         parameters={name: config["detectors"][name] for name in DETECTORS},
         seed=config["seed"],
@@ -45,6 +50,8 @@ rule join_comparisons:
         f"{RESULTS}/tables/before_after.csv",
     log:
         f"{RESULTS}/logs/join_comparisons.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/join_comparisons.tsv"
     conda:
         "../envs/twingap.yaml"
     message:

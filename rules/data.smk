@@ -13,10 +13,15 @@ rule verify_data:
         f"{RESULTS}/verified.json",
     log:
         f"{RESULTS}/logs/verify_data.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/verify_data.tsv"
     # before the long jobs: bad data should cost nothing
     priority: 100
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("verify_data"),
+        runtime=runtime_of("verify_data"),
     params:
         campaign=campaign_folder,
         stores=DVC_STORES,

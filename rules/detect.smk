@@ -22,9 +22,13 @@ rule detect_captures:
     benchmark:
         f"{RESULTS}/benchmarks/detect_captures/{{camera}}_{{detector}}.tsv"
     wildcard_constraints:
+        camera=one_of(UNDIVIDED),
         detector="|".join(DETECTORS),
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("detect_captures"),
+        runtime=runtime_of("detect_captures"),
     params:
         parameters=detector_parameters,
         dictionaries=[],

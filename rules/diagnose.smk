@@ -20,10 +20,15 @@ rule observe_captures:
         f"{RESULTS}/logs/observe_captures/{{camera}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/observe_captures/{{camera}}.tsv"
+    wildcard_constraints:
+        camera=one_of(UNDIVIDED),
     # the diagnosis is the longest way: it goes first
     priority: 50
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("observe_captures"),
+        runtime=runtime_of("observe_captures"),
     params:
         campaign=CAMPAIGN,
         pins=locked("numpy", "scipy", "numba", "opencv-contrib-python-headless"),
@@ -59,6 +64,9 @@ rule diagnose_camera:
     conda:
         "../envs/twingap.yaml"
     threads: 2
+    resources:
+        mem_mb=mem_mb_of("diagnose_camera"),
+        runtime=runtime_of("diagnose_camera"),
     params:
         campaign=CAMPAIGN,
         effects=configured_effects,
@@ -94,6 +102,8 @@ if BOARD:
             ladder=f"{RESULTS}/diagnosis/{{camera}}/ladder.csv",
         log:
             f"{RESULTS}/logs/diagnose_board/{{camera}}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/diagnose_board/{{camera}}.tsv"
         conda:
             "../envs/twingap.yaml"
         params:
@@ -113,6 +123,8 @@ rule make_ladder:
         f"{RESULTS}/tables/ladder.csv",
     log:
         f"{RESULTS}/logs/make_ladder.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/make_ladder.tsv"
     conda:
         "../envs/twingap.yaml"
     message:

@@ -18,10 +18,15 @@ rule expand_tables:
         scene=f"{RESULTS}/expand/scene.json",
     log:
         f"{RESULTS}/logs/expand_tables.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/expand_tables.tsv"
     # the diagnosis is the longest way: it goes first
     priority: 60
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("expand_tables"),
+        runtime=runtime_of("expand_tables"),
     params:
         campaign=campaign_folder,
         experiment=config["experiment"],
@@ -45,6 +50,8 @@ use rule expand_tables as expand_camera with:
         scene=f"{RESULTS}/expand/{{camera}}/scene.json",
     log:
         f"{RESULTS}/logs/expand_camera/{{camera}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/expand_camera/{{camera}}.tsv"
     params:
         campaign=campaign_folder,
         experiment=config["experiment"],

@@ -38,6 +38,9 @@ rule explore_camera:
         f"{RESULTS}/benchmarks/explore_camera/{{camera}}.tsv"
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("explore_camera"),
+        runtime=runtime_of("explore_camera"),
     params:
         campaign=campaign_folder,
         most=config["explore"]["captures"],
@@ -63,8 +66,13 @@ rule build_explorer:
         page=f"{RESULTS}/report/explore.html",
     log:
         f"{RESULTS}/logs/build_explorer.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/build_explorer.tsv"
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("build_explorer"),
+        runtime=runtime_of("build_explorer"),
     params:
         cameras=CAMERAS,
         detectors=DETECTORS,

@@ -23,6 +23,9 @@ rule expose_twin:
         f"{RESULTS}/benchmarks/expose_twin/{{camera}}.tsv"
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("expose_twin"),
+        runtime=runtime_of("expose_twin"),
     params:
         effects=exposed_effects,
         seed=config["seed"],

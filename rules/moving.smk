@@ -24,6 +24,8 @@ rule trace_moving:
         markers=f"{MOVING}/markers.csv",
     log:
         f"{MOVING}/logs/trace_moving.log",
+    benchmark:
+        f"{MOVING}/benchmarks/trace_moving.tsv"
     conda:
         "../envs/twingap.yaml"
     params:
@@ -99,6 +101,8 @@ rule measure_moving:
         timing=f"{MOVING}/tables/moving_timing.csv",
     log:
         f"{MOVING}/logs/measure_moving.log",
+    benchmark:
+        f"{MOVING}/benchmarks/measure_moving.tsv"
     conda:
         "../envs/twingap.yaml"
     params:
@@ -122,6 +126,8 @@ rule draw_moving:
         f"{MOVING}/clips/{{detector}}.webm",
     log:
         f"{MOVING}/logs/draw_moving/{{detector}}.log",
+    benchmark:
+        f"{MOVING}/benchmarks/draw_moving/{{detector}}.tsv"
     conda:
         "../envs/twingap.yaml"
     params:
@@ -155,6 +161,8 @@ rule run_moving:
         page=f"{MOVING}/report/moving.html",
     log:
         f"{MOVING}/logs/run_moving.log",
+    benchmark:
+        f"{MOVING}/benchmarks/run_moving.tsv"
     conda:
         "../envs/twingap.yaml"
     params:

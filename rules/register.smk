@@ -31,6 +31,9 @@ rule register_captures:
     priority: 60
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("register_captures"),
+        runtime=runtime_of("register_captures"),
     params:
         facts=camera_facts,
         campaign=CAMPAIGN,
@@ -50,8 +53,13 @@ rule describe_files:
         table=f"{RESULTS}/register/{{camera}}/files.csv",
     log:
         f"{RESULTS}/logs/describe_files/{{camera}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/describe_files/{{camera}}.tsv"
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("describe_files"),
+        runtime=runtime_of("describe_files"),
     params:
         facts=camera_facts,
         campaign=CAMPAIGN,

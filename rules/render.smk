@@ -26,6 +26,9 @@ rule render_stations:
     conda:
         "../envs/twingap.yaml"
     threads: config["render"]["threads"]
+    resources:
+        mem_mb=mem_mb_of("render_stations"),
+        runtime=runtime_of("render_stations"),
     params:
         effects=rendered_effects,
         settings=config["render"],

@@ -83,8 +83,13 @@ rule run_overview:
         page=f"{RESULTS}/report/overview.html",
     log:
         f"{RESULTS}/logs/run_overview.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/run_overview.tsv"
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("run_notebook"),
+        runtime=runtime_of("run_notebook"),
     params:
         paths={"results": RESULTS, "project": ".", "campaign": CAMPAIGN},
         pins=locked("papermill", "nbconvert", "matplotlib"),
@@ -111,6 +116,8 @@ use rule run_overview as run_figure3 with:
         page=f"{RESULTS}/report/figure3.html",
     log:
         f"{RESULTS}/logs/run_figure3.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/run_figure3.tsv"
     message:
         "Drawing where markers are found (Figure 3)"
 
@@ -138,6 +145,8 @@ use rule run_figure3 as run_photographs with:
         page=f"{RESULTS}/report/photographs.html",
     log:
         f"{RESULTS}/logs/run_photographs.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/run_photographs.tsv"
     message:
         "Telling what the photographs were taken with"
 
@@ -159,6 +168,8 @@ use rule run_figure3 as run_figure4 with:
         page=f"{RESULTS}/report/figure4.html",
     log:
         f"{RESULTS}/logs/run_figure4.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/run_figure4.tsv"
     message:
         "Drawing how poses differ (Figure 4)"
 
@@ -179,6 +190,8 @@ use rule run_figure3 as run_tables with:
         page=f"{RESULTS}/report/tables.html",
     log:
         f"{RESULTS}/logs/run_tables.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/run_tables.tsv"
     message:
         "Setting Tables 1 and 2 in words"
 
@@ -195,6 +208,8 @@ use rule run_figure3 as run_diagnosis with:
         page=f"{RESULTS}/report/diagnosis.html",
     log:
         f"{RESULTS}/logs/run_diagnosis.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/run_diagnosis.tsv"
     message:
         "Telling what the twins lack"
 
@@ -212,6 +227,8 @@ use rule run_figure3 as run_before_after with:
         page=f"{RESULTS}/report/before_after.html",
     log:
         f"{RESULTS}/logs/run_before_after.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/run_before_after.tsv"
     message:
         "Drawing tables and figures before and after"
 
@@ -230,8 +247,13 @@ rule write_provenance:
         run_config=f"{RESULTS}/run_config.yaml",
     log:
         f"{RESULTS}/logs/write_provenance.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/write_provenance.tsv"
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("write_provenance"),
+        runtime=runtime_of("write_provenance"),
     params:
         configuration=config,
     message:
@@ -261,8 +283,13 @@ rule build_report:
         page=f"{RESULTS}/report/index.html",
     log:
         f"{RESULTS}/logs/build_report.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/build_report.tsv"
     conda:
         "../envs/twingap.yaml"
+    resources:
+        mem_mb=mem_mb_of("build_report"),
+        runtime=runtime_of("build_report"),
     params:
         explorer=[Path(path).name for path in EXPLORER],
         pins=locked("jinja2", "pandas"),

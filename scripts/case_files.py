@@ -85,6 +85,15 @@ def save_observations(file, case):
     np.savez_compressed(file, **arrays)
 
 
+def join_observations(paths, file):
+    """Write the observations of a camera's parts, in their order, to an open npz file as those of the whole."""
+    parts = []
+    for path in paths:
+        with np.load(path) as stored:
+            parts.append({name: stored[name] for name in stored.files})
+    np.savez_compressed(file, **{name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
+
+
 def load_observations(path, case):
     """Put what ``save_observations`` wrote back into the case's captures."""
     with np.load(path) as stored:

@@ -19,12 +19,19 @@ log = logging.getLogger("twingap")
 PROGRESS_S = 10  # seconds between two lines of progress
 
 
-def images_of(camera, captures, campaign, twin_folder):
-    """Return (source, capture, path) of all images of a camera, real before twin, each sorted by capture."""
+def images_of(camera, captures, campaign, twin_folder, part=None):
+    """Return (source, capture, path) of the images of a camera, real before twin, each sorted by capture.
+
+    part (first, after the last): of these captures alone, counted in that order.
+    """
     mine = captures[captures.camera == camera].sort_values("capture")
+    twin = sorted(Path(twin_folder).glob("*.png"))
+    if part:
+        mine = mine.iloc[slice(*part)]
+        names = set(mine.capture)
+        twin = [path for path in twin if path.stem in names]
     real = [("real", c.capture, Path(campaign) / c.image) for c in mine.itertuples()]
-    twin = [("twin", path.stem, path) for path in sorted(Path(twin_folder).glob("*.png"))]
-    return real + twin
+    return real + [("twin", path.stem, path) for path in twin]
 
 
 def pose_columns(corners, code_m, K):
@@ -75,20 +82,21 @@ def nominal_camera(register_json):
 
 
 def detect_captures(
-    camera, detector, parameters, dictionaries, campaign, captures, markers, register, twin, out, timing
+    camera, detector, parameters, dictionaries, campaign, captures, markers, register, twin, out, timing, part=None
 ):
-    """Write the detections and the timing of one detector and camera.
+    """Write the detections and the timing of one detector and camera, of a part of its captures where one is given.
 
     parameters    dict of the detector's parameters that differ from its defaults
     dictionaries  OpenCV's names; empty: those of the markers' table, else both of the paper
     campaign      folder that the images are relative to; None without photographs
+    part          (first, after the last) of the camera's sorted captures; None: all
     captures, markers, register, twin  expand/captures.csv, expand/markers.csv, register/CAMERA.json, twin/CAMERA
     """
     rig = read_table(markers, MARKERS)
     code_of = {(m.dictionary, m.id): m.code_m for m in rig.itertuples()}
     dictionaries = dictionaries or sorted(set(rig.dictionary)) or contract.DEFAULT_DICTIONARIES
     finder = contract.make(detector, dictionaries, parameters, where=f"config: detectors.{detector}")
-    images = images_of(camera, read_table(captures, CAPTURES), campaign or ".", twin)
+    images = images_of(camera, read_table(captures, CAPTURES), campaign or ".", twin, part)
     if not images:
         raise InputError(f"{captures}: camera {camera} has no capture, and {twin} no twin image")
     found, milliseconds = detect_all(finder, images, code_of, nominal_camera(register))
@@ -112,4 +120,5 @@ if __name__ == "__main__":
         twin=snakemake.input.twin,
         out=snakemake.output.detections,
         timing=snakemake.output.timing,
+        part=snakemake.params.get("part"),
     )

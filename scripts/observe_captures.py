@@ -11,9 +11,11 @@ from case_files import load_case, read_capture, save_observations
 log = logging.getLogger("twingap")
 
 
-def observe_captures(expand, register_json, campaign, camera, out):
-    """Measure all captures of a camera."""
+def observe_captures(expand, register_json, campaign, camera, out, part=None):
+    """Measure the captures of a camera; part (first, after the last): these alone, in the order of their names."""
     case, captures = load_case(expand, register_json, camera)
+    if part:
+        case.captures = case.captures[slice(*part)]
     images = dict(zip(captures.capture, captures.image, strict=True))
     for capture in tqdm(case.captures, desc=f"observing {camera}", unit="image", mininterval=5):
         case.observe_real(capture, read_capture(campaign, images[capture.view.capture]))
@@ -32,4 +34,5 @@ if __name__ == "__main__":
         campaign=snakemake.params.campaign,
         camera=snakemake.wildcards.camera,
         out=snakemake.output.observations,
+        part=snakemake.params.get("part"),
     )

@@ -23,7 +23,7 @@ from rig.targets import target_plate
 from tiny_campaign import lay_down
 from workflow_runs import PROJECT
 
-PAGES = ("README.md", "docs/own-campaign.md", "docs/calibrations.md")
+PAGES = ("README.md", "docs/clusters.md", "docs/own-campaign.md", "docs/calibrations.md")
 README = "\n\n".join((PROJECT / page).read_text(encoding="utf-8") for page in PAGES)
 PROGRAMS = ("make", "snakemake", "source", "jupyter", "python", "dvc", "cp", "git", "uv", ".tools/bin/uv")
 LONGEST_S = 120
@@ -86,6 +86,23 @@ def without_results(place, command):
     assert "error: " in said and "Traceback" not in said
 
 
+def by_slurm(place, command):
+    """Plan with the profile for Slurm, where its plugin was fetched."""
+    if not (PROJECT / ".tools/slurm").is_dir():
+        pytest.skip("needs the plugin for Slurm: `make bench-slurm` fetches it")
+    place.run(f"PYTHONPATH={PROJECT}/.tools/slurm {command.removesuffix(' -n')} -n")
+
+
+def told(place, command):
+    """A measurement takes hours: see that it takes this command line."""
+    assert "usage: " in place.run(f"{command} --help")
+
+
+def after_a_run(place, command):
+    """It needs finished results: test_reruns has them."""
+    assert '"--report"' in (PROJECT / "tests/test_reruns.py").read_text()
+
+
 def installed(place, command):
     """An installation needs the network: see that make puts the program there."""
     assert f"UV := {command.split()[0]}" in (PROJECT / "Makefile").read_text()
@@ -116,12 +133,25 @@ COMMANDS = {
     "snakemake --cores 2 --config campaign=data/raw/aruco6x6_gridboard": planned,
     "snakemake --cores 2 --config experiment=config/experiments/paper.yaml": planned,
     "dvc remote add --default team s3://bucket/twingap": another_remote,
+    "dvc remote modify team endpointurl https://s3.example.org": as_it_stands,
     "dvc remote add --default team ssh://user@host/path/twingap": another_remote,
     "dvc remote add --default team /mnt/share/twingap": another_remote,
     "dvc push": as_it_stands,
     "cp -r path/to/folder data/raw/ && dvc add data/raw/folder && dvc push": as_it_stands,
     "dvc pull": as_it_stands,
     "dvc pull --remote embedded data/raw/frame.dvc": as_it_stands,
+    "python scripts/fetch_data.py data/raw/frame.dvc": as_it_stands,
+    "make environment": made("--require-hashes"),
+    ".tools/bin/uv pip install --no-deps --group slurm": installed,
+    "snakemake --profile profiles/slurm -n": by_slurm,
+    "snakemake --profile profiles/slurm": by_slurm,
+    "snakemake --profile profiles/slurm --config batch=100": by_slurm,
+    "snakemake --report report.zip": after_a_run,
+    "python tests/bench/bench_resources.py results/frame": without_results,
+    "python tests/bench/bench_growth.py": told,
+    "make bench-slurm": made("slurm-wlm munge", "bench_slurm.py"),
+    "make bench-slurm TINY=--tiny": made("bench_slurm.py --tiny"),
+    "make bench-s3": made("bench_s3.py"),
     '.tools/bin/uv pip install "dvc[s3]"': installed,
     '.tools/bin/uv pip install "dvc[ssh]"': installed,
 }

@@ -38,6 +38,14 @@ def test_a_whole_run_of_a_campaign_without_markers_is_a_result(done):
     assert (project / "results/tiny/report/index.html").stat().st_size > 1000
 
 
+def test_snakemakes_own_report_is_written(done):
+    """Fails if a rule keeps Snakemake from telling of a finished run."""
+    project, campaign = done
+    status, said = snakemake(project, "--report", "report.zip", "--config", f"campaign={campaign}", *CONFIG)
+    assert status == 0, said[-3000:]
+    assert (project / "report.zip").stat().st_size > 10_000
+
+
 def test_nothing_reruns_after_a_run_nor_after_touching(done):
     """A rule with an unstable parameter, or one that minds times, would plan jobs here."""
     project, campaign = done

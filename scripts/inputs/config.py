@@ -125,6 +125,12 @@ class Config(Settings):
         default_factory=lambda: {"aruco": {}, "aruco_subpix": {}, "bart": {}},
         description="detectors that run, each with parameters that differ from its defaults; null takes one out",
     )
+    batch: int = Field(
+        500,
+        ge=1,
+        le=1_000_000,
+        description="captures of a camera that one job detects in or observes; a camera with more is divided among jobs",
+    )
     render: Render = Field(default_factory=Render, description="how Blender renders")
     aggregate: Aggregate = Field(default_factory=Aggregate, description="how detections are counted")
     diagnose: Diagnose = Field(default_factory=Diagnose, description="how the missing effect is searched")

@@ -14,7 +14,7 @@ import pandas as pd
 from record import ROOT, record, write_page
 
 HERE = Path(__file__).resolve().parent
-SCRIPTS = ["size", "geometry", "render", "repeatability", "diagnose", "calibration", "detectors", "moving"]
+SCRIPTS = ["size", "growth", "geometry", "render", "repeatability", "diagnose", "calibration", "detectors", "moving"]
 BLIND_TRIALS = "blind_trials"
 TRIALS = ROOT / "results/blind_trials"
 TRIAL_COUNTS = "blind_trials={single: 174, pair: 60, none: 100, outside: 60, power: 87}"

@@ -1,6 +1,7 @@
 """The rule's job: real and twin images of one camera to sorted detections with both poses."""
 
 import json
+import shutil
 
 import cv2
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from bench.marker_scenes import FOCAL_PX, scene
 from detect_captures import detect_captures
 from inputs.tables import DETECTIONS
+from join_detections import join_tables
 from rig.errors import InputError
 
 
@@ -29,7 +31,7 @@ def run(tmp_path):
     K = {"fx": FOCAL_PX, "fy": FOCAL_PX, "cx": 319.5, "cy": 239.5}
     (tmp_path / "register.json").write_text(json.dumps(K))
 
-    def go(photographs=True, parameters=None):
+    def go(photographs=True, parameters=None, part=None):
         rows = [[c, "cam", f"images/{c}.png"] for c in ("7", "007") if photographs] + [["x", "other", "none.png"]]
         captures = pd.DataFrame(rows, columns=["capture", "camera", "image"])
         captures[["station", "trial", "sequence", "frame", "t_s"]] = ["s", 0, None, None, None]
@@ -46,6 +48,7 @@ def run(tmp_path):
             tmp_path / "twin",
             tmp_path / "out.csv",
             tmp_path / "timing.csv",
+            part,
         )
         return pd.read_csv(tmp_path / "out.csv", dtype={"capture": str}), pd.read_csv(tmp_path / "timing.csv"), truth
 
@@ -67,6 +70,17 @@ def test_sorted_rows_of_both_sources_with_both_poses(run, tmp_path):
         rows = known[(known.dictionary == t.dictionary) & (known.id == t.id)]
         assert np.allclose(rows.tz, 0.07 * FOCAL_PX / t.side_px, rtol=0.02)
     assert len(timing) == 4 and (timing.ms > 0).all()
+
+
+def test_parts_joined_are_what_one_job_writes(run, tmp_path):
+    """Fails if a part has other captures or twin images than its own, or a detector remembers the image before."""
+    run()
+    whole, parts = (tmp_path / "out.csv").read_bytes(), []
+    for k in range(2):
+        run(part=[k, k + 1])
+        parts.append(shutil.copy(tmp_path / "out.csv", tmp_path / f"{k}.csv"))
+    join_tables(parts, tmp_path / "joined.csv")
+    assert (tmp_path / "joined.csv").read_bytes() == whole
 
 
 def test_a_second_run_gives_the_same_bytes(run, tmp_path):
