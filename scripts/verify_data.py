@@ -1,5 +1,6 @@
 """Verify: a campaign's files against the hashes in its .dvc file; changed, missing and extra files are named."""
 
+import contextlib
 import hashlib
 import json
 import logging
@@ -52,11 +53,11 @@ def tracked_md5(dvc_file):
 
 
 def tracked_listing(hash_, stores):
-    """Return {relative path: MD5} of a tracked folder; None where neither DVC's cache nor a local remote has it."""
+    """Return {relative path: MD5} of a tracked folder; None where neither DVC's cache nor a local remote has it whole."""
     for store in stores:
         path = Path(store) / "files/md5" / hash_[:2] / hash_[2:]
-        if path.is_file():
-            return {entry["relpath"]: entry["md5"] for entry in json.loads(path.read_text())}
+        with contextlib.suppress(OSError, ValueError, TypeError, KeyError, RecursionError):
+            return {str(entry["relpath"]): str(entry["md5"]) for entry in json.loads(path.read_bytes())}
     return None
 
 
