@@ -34,7 +34,11 @@ def text_inputs(files):
 def binary_inputs(files, mended=None):
     """Return a strategy of broken binary files; ``mended`` may put right what a reader checks first, such as checksums."""
     broken = st.builds(_edited, st.sampled_from(files), _edits(BYTE_EDITS, ODD_NUMBERS), st.sampled_from(files))
-    return broken if mended is None else st.builds(lambda data, mend: mended(data) if mend else data, broken, st.booleans())
+    return (
+        broken
+        if mended is None
+        else st.builds(lambda data, mend: mended(data) if mend else data, broken, st.booleans())
+    )
 
 
 def _edits(kinds, odd):

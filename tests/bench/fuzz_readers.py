@@ -41,7 +41,13 @@ from workflow_runs import PROJECT
 
 SIZE = (640, 480)
 SIDE_PX = 24
-LENSES = {0: (), 4: (-0.2, 0.08, 0.001, -0.0007), 5: (-0.2, 0.08, 0.001, -0.0007, -0.01), 2: (-0.03, 0.01), 3: (0.01, -0.03, 0.02)}
+LENSES = {
+    0: (),
+    4: (-0.2, 0.08, 0.001, -0.0007),
+    5: (-0.2, 0.08, 0.001, -0.0007, -0.01),
+    2: (-0.03, 0.01),
+    3: (0.01, -0.03, 0.02),
+}
 TWINS = (
     b"effects:\n- effect: lens_blur\n  parameters:\n    sigma_px: 0.8\n  origin: by hand\n- effect: radial_distortion\n"
     b"  parameters: {k1: fit, k2: 1e-3}\n",
