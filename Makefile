@@ -3,6 +3,8 @@
 # make picture  the README's pictures, from the results
 # make board    PDFs to print: a calibration board, the ladders' plates, on A4 and letter
 # make bench    all measurements, and the page docs/benchmarks.md (hours)
+# make bench-kills  a run killed twenty times, and what else may go wrong, on a tiny campaign
+# make fuzz     100,000 broken inputs for each reader of foreign files (hours)
 # make lint     style and workflow checks
 # make makers   other programs' readers of calibrations, for the tests against them
 # make lock     renew envs/twingap.lock.txt from pyproject.toml
@@ -22,7 +24,7 @@ ifneq ($(SYSTEM_CERTIFICATES),)
 export SSL_CERT_FILE ?= $(SYSTEM_CERTIFICATES)
 endif
 
-.PHONY: results environment data test picture board bench lint makers lock
+.PHONY: results environment data test picture board bench bench-kills fuzz lint makers lock
 
 results: environment data
 	$(BIN)/snakemake --cores $(CORES)
@@ -62,6 +64,14 @@ board: environment
 
 bench: environment data
 	$(BIN)/python tests/bench/run_benchmarks.py
+
+bench-kills: environment data
+	$(BIN)/python tests/bench/bench_kills.py
+	$(BIN)/python tests/bench/bench_mishaps.py
+
+INPUTS ?= 100000
+fuzz: environment
+	$(BIN)/python tests/bench/bench_fuzz.py --inputs $(INPUTS)
 
 lint: environment data
 	$(BIN)/ruff check .

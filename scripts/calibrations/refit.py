@@ -98,7 +98,9 @@ def rays_of_frame(calibration):
             rays = rays + np.clip(np.linalg.solve(J, error[..., None])[..., 0], -0.3, 0.3)
     good = np.linalg.norm(project(calibration, rays) - pixels, axis=1) < 1e-6
     if good.mean() < LEAST_SEEN:
-        raise InputError(f"a calibration whose lens takes rays to {good.mean():.0%} of its frame only: is it one of this camera?")
+        raise InputError(
+            f"a calibration whose lens takes rays to {good.mean():.0%} of its frame only: is it one of this camera?"
+        )
     return rays[good], pixels[good]
 
 

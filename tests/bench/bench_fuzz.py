@@ -1,7 +1,7 @@
 """Broken inputs on every reader of foreign files: ``python tests/bench/bench_fuzz.py [--inputs 100000] [READER ...]``.
 
 Each reader (fuzz_readers.py) gets so many files that hypothesis broke (fuzz_inputs.py); it has to succeed or to raise
-InputError with one printable line, within LONGEST_S and LARGEST_GIB. What does neither is shrunk, kept in results/fuzz/, told
+InputError with one printable line, within LONGEST_S of processor time and LARGEST_GIB. What does neither is shrunk, kept in results/fuzz/, told
 with its traceback, and ends with exit status 1. Readers run side by side, each in a process of its own: a crash in a library is
 found too. Numbers are printed as they come and recorded (record.py).
 """
@@ -43,7 +43,7 @@ class Fault(Exception):
 def tried(reader, data):
     """Give a reader one input and return whether it took it; raise Fault for anything but that or InputError in one line."""
     reader.path.write_bytes(data)
-    signal.alarm(LONGEST_S)
+    signal.setitimer(signal.ITIMER_PROF, LONGEST_S)
     try:
         reader.call(reader.path)
         return True
@@ -56,12 +56,12 @@ def tried(reader, data):
         *_, last = traceback.extract_tb(error.__traceback__)
         raise Fault(f"{type(error).__name__}: {error} ({last.filename}:{last.lineno})") from error
     finally:
-        signal.alarm(0)
+        signal.setitimer(signal.ITIMER_PROF, 0)
 
 
 def too_long(*_):
     """Stop a reader that takes too long."""
-    raise TimeoutError(f"longer than {LONGEST_S} s")
+    raise TimeoutError(f"longer than {LONGEST_S} s of processor time")
 
 
 def fuzz(reader, inputs, number=0, batch=BATCH):
@@ -69,7 +69,7 @@ def fuzz(reader, inputs, number=0, batch=BATCH):
 
     number  of the first batch; it decides all that is drawn
     """
-    signal.signal(signal.SIGALRM, too_long)
+    signal.signal(signal.SIGPROF, too_long)
     count, taken, last = 0, 0, b""
 
     def one(data):

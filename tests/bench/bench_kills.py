@@ -20,6 +20,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests"), str(ROOT / "tests/bench")]
 
+import yaml
+
 from killed_runs import STAGES, finished, killed
 from record import record
 from tiny_campaign import lay_down_seen
@@ -35,8 +37,11 @@ PULLED = "data/raw/frame.dvc"
 def one_camera(folder):
     """Lay the campaign down with one of its cameras, and return it."""
     campaign = lay_down_seen(folder)
-    table = campaign / "captures.csv"
+    table, described = campaign / "captures.csv", campaign / "campaign.yaml"
     table.write_text("".join(line for line in table.read_text().splitlines(keepends=True) if ",right," not in line))
+    data = yaml.safe_load(described.read_text())
+    del data["cameras"]["right"]
+    described.write_text(yaml.safe_dump(data))
     return campaign
 
 
