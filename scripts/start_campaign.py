@@ -9,6 +9,7 @@ was guessed has a comment in campaign.yaml. Photographs stay as they are.
 import argparse
 import csv
 import io
+import json
 import logging
 import re
 import shlex
@@ -165,7 +166,9 @@ def tell(folder, pattern, cameras, left_out):
             log.info(
                 "%s is a guess: measure it on the print, and correct it in %s", key, Path(folder) / "campaign.yaml"
             )
-    log.info("next: snakemake --cores 2 --config %s", shlex.quote(f"campaign={folder}"))
+    # Snakemake reads the value as YAML, in which " #" begins a comment
+    value = json.dumps(str(folder), ensure_ascii=False) if re.search(r" #|: ", str(folder)) else folder
+    log.info("next: snakemake --cores 2 --config %s", shlex.quote(f"campaign={value}"))
 
 
 def main(arguments=None):

@@ -3,20 +3,22 @@
 tests/test_interrupted.py kills runs; the dear cases are in `make bench-kills`.
 """
 
+import contextlib
 import errno
 import os
+import signal
 import subprocess
 import sys
 import time
 
 import cv2
 import pytest
-from full_disk import error_lines
-from killed_runs import watch
 
 import job
-from run_guard import check_unchanged, check_writable, remove_unfinished, stamp
+from full_disk import error_lines
+from killed_runs import watch
 from rig.errors import InputError
+from run_guard import check_unchanged, check_writable, remove_unfinished, stamp
 from tiny_campaign import lay_down
 from whole_folder import whole_folder
 from workflow_runs import copy_project, snakemake
@@ -42,12 +44,18 @@ def arguments_for(campaign, target=TARGET):
     return (target, "--cores", 1, "--config", f"campaign={campaign}", *CONFIG)
 
 
-def wait_for(run, what):
-    """Wait until a run says something, or ends."""
+@contextlib.contextmanager
+def standing_still(run, what):
+    """Stop all of a run's processes when it says something, and let them go on at the end of the block."""
     end = time.monotonic() + 300
     while not any(what in line for line in list(run.said)) and run.process.poll() is None and time.monotonic() < end:
         time.sleep(0.005)
     assert run.process.poll() is None, "".join(run.said)[-3000:]
+    os.killpg(run.process.pid, signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        os.killpg(run.process.pid, signal.SIGCONT)
 
 
 def test_a_capture_that_changes_under_way_is_named_and_measured_anew(place):
@@ -55,8 +63,8 @@ def test_a_capture_that_changes_under_way_is_named_and_measured_anew(place):
     project, campaign = place
     capture = campaign / "images/left/a.png"
     run, thread = watch(project, *arguments_for(campaign))
-    wait_for(run, "Rendering the stations of left")
-    cv2.imwrite(str(capture), cv2.imread(str(capture), cv2.IMREAD_GRAYSCALE) ^ 1)
+    with standing_still(run, "Rendering the stations of left"):
+        cv2.imwrite(str(capture), cv2.imread(str(capture), cv2.IMREAD_GRAYSCALE) ^ 1)
     run.process.wait(300)
     thread.join(10)
     said = "".join(run.said)
@@ -74,8 +82,8 @@ def test_a_second_run_in_the_same_folder_is_refused_and_harms_nothing(place):
     project, campaign = place
     target = "results/tiny/render/right.json"
     first, thread = watch(project, *arguments_for(campaign, target))
-    wait_for(first, "Rendering the stations of right")
-    status, said = snakemake(project, *arguments_for(campaign, target))
+    with standing_still(first, "Rendering the stations of right"):
+        status, said = snakemake(project, *arguments_for(campaign, target))
     assert status == 1 and "cannot be locked" in said and "Traceback" not in said, said[-2000:]
     first.process.wait(300)
     thread.join(10)
