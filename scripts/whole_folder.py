@@ -21,8 +21,10 @@ def whole_folder(out):
     aside.mkdir(parents=True)
     try:
         yield aside
-    except BaseException:
+    except BaseException as error:
         shutil.rmtree(aside, ignore_errors=True)
+        if isinstance(error, OSError) and error.filename is None:
+            error.filename = str(out)  # a full disk is told by the folder that it has no room for
         raise
     shutil.rmtree(out, ignore_errors=True)
     aside.rename(out)

@@ -58,7 +58,8 @@ def test_messages_of_several_lines_are_found(tmp_path):
 @pytest.mark.parametrize(
     ("message", "shown"),
     [
-        ("a\n  b", "a b"), ("Jörg's  rig", "Jörg's  rig"), ("\x1b[31mred\0", r"\x1b[31mred\x00"), ("\u202e\ud800", r"\u202e\ud800"),
+        ("a\n  b", "a b"), ("Jörg's  rig", "Jörg's  rig"),
+        ("\x1b[31mred\0", r"\x1b[31mred\x00"), ("\u202e\ud800", r"\u202e\ud800"),
         ("x" * 3000, "x" * 1996 + " ..."),
     ],
 )  # fmt: skip

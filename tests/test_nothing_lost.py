@@ -132,6 +132,9 @@ def test_a_folder_is_whole_or_as_it_was(tmp_path):
         (folder / "b.png").write_text("2")
         raise ZeroDivisionError
     assert [p.relative_to(tmp_path).as_posix() for p in sorted(tmp_path.rglob("*"))] == ["left", "left/a.png"]
+    with pytest.raises(OSError) as error, whole_folder(out):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    assert error.value.filename == str(out)
     with whole_folder(out) as folder:
         (folder / "c.png").write_text("3")
     assert [p.name for p in out.iterdir()] == ["c.png"]
