@@ -44,7 +44,9 @@ environment: $(UV)
 		&& $(UV) pip sync --require-hashes --compile-bytecode --python $(BIN)/python $(LOCK) \
 		&& cp $(LOCK) $(INSTALLED); }
 
+# A pull that was killed leaves the file that it was copying, and the next one asks what to do with it.
 data: environment
+	@find data/raw -name '.??????????????????????.tmp' -delete
 	@$(BIN)/dvc pull --quiet --remote embedded data/raw/frame.dvc data/raw/aruco6x6_gridboard.dvc
 
 test: environment data

@@ -73,9 +73,10 @@ def clone_without_data(folder):
     return folder
 
 
-def pull(clone, delay_s=None):
+def pull(clone, delay_s=None, force=False):
     """Run `dvc pull`, killed after ``delay_s``; return its seconds, or None where it was killed."""
     command = [str(Path(sys.executable).with_name("dvc")), "pull", "--quiet", "--remote", "embedded", PULLED]
+    command += ["--force"] if force else []  # else DVC asks about the file that a killed pull was copying
     start = time.monotonic()
     process = subprocess.Popen(command, cwd=clone, start_new_session=True)
     try:
@@ -101,7 +102,7 @@ def kill_pulls(folder, pulls, rng):
         share = rng.uniform(0.3, 1)  # before, DVC only starts
         if pull(clone, share * seconds) is None:
             shares.append(share)
-        pull(clone)
+        pull(clone, force=True)
         found = {p.relative_to(clone): p.read_bytes() for p in (clone / "data/raw/frame").rglob("*") if p.is_file()}
         if found != wanted:
             sys.exit(f"a pull that was killed after {share:.2f} of its time left other files")

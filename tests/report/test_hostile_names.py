@@ -61,7 +61,8 @@ def test_the_report_shows_names_as_text():
         verdicts=[(SCRIPT, SCRIPT, SCRIPT)], ladder=([SCRIPT], [[SCRIPT]]), explorer=SCRIPT,
         provenance={
             "git": {"commit": SCRIPT, "changed_files": []}, "render": {SCRIPT: {SCRIPT: SCRIPT}}, "packages": {SCRIPT: SCRIPT},
-            "data_md5": {SCRIPT: SCRIPT}, "twins_sha256": {SCRIPT: SCRIPT}, "seed": SCRIPT, "python": SCRIPT, "lock_sha256": SCRIPT,
+            "data_md5": {SCRIPT: SCRIPT}, "twins_sha256": {SCRIPT: SCRIPT}, "seed": SCRIPT,
+            "python": SCRIPT, "lock_sha256": SCRIPT,
         },
     )  # fmt: skip
     assert "<script>" not in html and "&lt;script&gt;" in html
