@@ -5,6 +5,8 @@
 # make bench    all measurements, and the page docs/benchmarks.md (hours)
 # make bench-slurm  the embedded campaign through a Slurm of one node, against a run without (as root on Debian)
 # make bench-s3     DVC with a server of an object store, and with what goes wrong there
+# make bench-kills  a run killed twenty times, and what else may go wrong, on a tiny campaign
+# make fuzz     100,000 broken inputs for each reader of foreign files (hours)
 # make lint     style and workflow checks
 # make makers   other programs' readers of calibrations, for the tests against them
 # make lock     renew envs/twingap.lock.txt from pyproject.toml
@@ -24,7 +26,7 @@ ifneq ($(SYSTEM_CERTIFICATES),)
 export SSL_CERT_FILE ?= $(SYSTEM_CERTIFICATES)
 endif
 
-.PHONY: results environment data test picture board bench bench-slurm bench-s3 lint makers lock
+.PHONY: results environment data test picture board bench bench-slurm bench-s3 bench-kills fuzz lint makers lock
 
 results: environment data
 	$(BIN)/snakemake --cores $(CORES)
@@ -44,7 +46,9 @@ environment: $(UV)
 		&& $(UV) pip sync --require-hashes --compile-bytecode --python $(BIN)/python $(LOCK) \
 		&& cp $(LOCK) $(INSTALLED); }
 
+# A pull that was killed leaves the file that it was copying, and the next one asks what to do with it.
 data: environment
+	@find data/raw -name '.??????????????????????.tmp' -delete
 	@$(BIN)/dvc pull --quiet --remote embedded data/raw/frame.dvc data/raw/aruco6x6_gridboard.dvc
 
 test: environment data
@@ -84,6 +88,14 @@ bench-slurm: data $(SLURM)
 
 bench-s3: data $(S3)
 	$(BIN)/python tests/bench/bench_s3.py
+
+bench-kills: environment data
+	$(BIN)/python tests/bench/bench_kills.py
+	$(BIN)/python tests/bench/bench_mishaps.py
+
+INPUTS ?= 100000
+fuzz: environment
+	$(BIN)/python tests/bench/bench_fuzz.py --inputs $(INPUTS)
 
 lint: environment data
 	$(BIN)/ruff check .

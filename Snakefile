@@ -41,6 +41,7 @@ rule diagnose:
 
 # In the order in which they run.
 for stage in (
+    "guard",
     "data",
     "expand",
     "register",

@@ -52,6 +52,7 @@ def read_run(results):
     run = {"results": results, "scene": json.loads((results / "expand/scene.json").read_text())}
     for name in ("markers", "cameras", "stations", "captures"):
         run[name] = read_table(results / f"expand/{name}.csv")
+    run["cameras"] = run["cameras"][run["cameras"].camera.isin(run["stations"].camera)]  # those that took something
     run["cells"] = pd.read_parquet(results / "aggregate/cells.parquet")
     run["reference"] = reference_detector(results)
     return SimpleNamespace(**run)

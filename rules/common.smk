@@ -22,6 +22,7 @@ from inputs.config import check_choice, check_config
 from rig.errors import InputError
 from inputs.experiment import load_experiment
 from inputs.images import check_captures
+from run_guard import stamp
 from trials.trial_names import names_of
 from verify_data import tracked_listing, tracked_md5
 
@@ -172,6 +173,7 @@ def wildcard_camera(wildcards):
 def camera_facts(wildcards):
     """Return a hash of all that the tables say of wildcards.camera: scene, markers, captures, their DVC hashes.
 
+    Where nothing tracks them, sizes and times tell what changed, also while the camera's job ran.
     As a parameter it reruns one camera where the tables of all cameras, as inputs, would rerun every camera.
     """
     rows = SOURCE.captures[SOURCE.captures.camera == wildcards.camera]
@@ -181,6 +183,8 @@ def camera_facts(wildcards):
         SOURCE.markers.to_csv(index=False),
         rows.to_csv(index=False),
     ]
+    if not dvc_files():
+        parts += [str(stamp(f"{CAMPAIGN}/{image}")) for image in rows.image]
     for dvc_file in dvc_files():
         tracked = tracked_md5(dvc_file)
         listing = tracked_listing(tracked, DVC_STORES) or {}
@@ -200,13 +204,10 @@ def verified_data():
 
 
 def files_seen(wildcards):
-    """Return a hash of names, sizes, first and last bytes of the campaign's files: what changed is verified anew.
-
-    Times do not count: touching a file changes nothing.
-    """
+    """Return a hash of names, sizes, times, first and last bytes of the campaign's files: what changed is verified anew."""
     digest = hashlib.sha256()
     for path in sorted(p for p in Path(CAMPAIGN).rglob("*") if p.is_file()):
-        digest.update(f"{path} {path.stat().st_size} ".encode())
+        digest.update(f"{path} {stamp(path)} ".encode())
         with open(path, "rb") as file:
             digest.update(file.read(4096))
             file.seek(max(path.stat().st_size - 4096, 0))

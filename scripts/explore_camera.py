@@ -6,7 +6,6 @@ with the twin image that is there already, smaller. Everything lies in one folde
 
 import json
 import logging
-import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -33,6 +32,7 @@ from reporting.explore_tables import (
 from reporting.ladder_images import LadderImages, chosen, rungs_of
 from rig.geometry import make_pose, transform
 from rig.plates import marker_corners_world
+from whole_folder import whole_folder
 
 log = logging.getLogger("twingap")
 
@@ -256,17 +256,9 @@ def explore_camera(
         "plates": plate_sums(measured.plates, plain, edges, measured.marker_of),
         "cells": cell_sums(measured.cells, plain, edges, measured.marker_of, measured.detectors),
     }  # fmt: skip
-    unfinished = out.with_name(out.name + ".unfinished")
-    shutil.rmtree(unfinished, ignore_errors=True)
-    unfinished.mkdir(parents=True)
-    try:
-        (unfinished / "camera.js").write_text(as_js(f"camera/{camera}", told), encoding="utf-8")
-        write_captures(measured, campaign, twin_folder, camera, K, size, ladder, drawn, unfinished)
-        shutil.rmtree(out, ignore_errors=True)
-        unfinished.rename(out)
-    except BaseException:
-        shutil.rmtree(unfinished, ignore_errors=True)
-        raise
+    with whole_folder(out) as folder:
+        (folder / "camera.js").write_text(as_js(f"camera/{camera}", told), encoding="utf-8")
+        write_captures(measured, campaign, twin_folder, camera, K, size, ladder, drawn, folder)
     log.info("%s: %d captures, %d of them with the ladder's %d twins", camera, len(plain), len(drawn), len(rungs))
 
 

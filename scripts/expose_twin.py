@@ -5,7 +5,6 @@ Trials of a station share its render; each has noise of its own, seeded by campa
 
 import json
 import logging
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from effects.base import View
 from inputs import tables
 from inputs.render_store import read_station
 from rig.geometry import camera_matrix, make_pose
+from whole_folder import whole_folder
 
 log = logging.getLogger("twingap")
 
@@ -52,10 +52,7 @@ def expose_twin(expand, register_json, manifest, camera, effects, seed, out):
     facts = json.loads((expand / "scene.json").read_text())
     poses = {s: make_pose(e["pose"][:3], e["pose"][3:]) for s, e in record["stations"].items()}
     chosen = [(n, p) for n, p in effects]
-    unfinished = out.with_name(out.name + ".unfinished")
-    shutil.rmtree(unfinished, ignore_errors=True)
-    unfinished.mkdir(parents=True)
-    try:
+    with whole_folder(out) as folder:
         views = list(views_of(expand, register_json, camera, poses))
         for capture, view in tqdm(views, desc=f"exposing {camera}", unit="image", mininterval=5):
             radiance, margin = read_station(Path(manifest).parent, record["stations"][view.station])
@@ -66,12 +63,7 @@ def expose_twin(expand, register_json, manifest, camera, effects, seed, out):
             ok, data = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 3])
             if not ok:
                 raise RuntimeError(f"{capture}: PNG encoding failed")
-            (unfinished / f"{capture}.png").write_bytes(data.tobytes())
-    except BaseException:
-        shutil.rmtree(unfinished, ignore_errors=True)
-        raise
-    shutil.rmtree(out, ignore_errors=True)
-    unfinished.rename(out)
+            (folder / f"{capture}.png").write_bytes(data.tobytes())
 
 
 if __name__ == "__main__":

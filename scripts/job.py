@@ -13,6 +13,8 @@ from rig.errors import InputError
 
 log = logging.getLogger("twingap")
 
+UNFINISHED = ".unfinished."  # begins the name of what is being written: a killed job may leave it
+
 
 def seed_of(*names):
     """Return a 64-bit seed that depends on the names alone."""
@@ -37,17 +39,21 @@ def write_atomically(path, mode="w", **kwargs):
     path.parent.mkdir(parents=True, exist_ok=True)
     if "b" not in mode:
         kwargs = {"encoding": "utf-8", "newline": "\n"} | kwargs
-    fd, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=path.suffix)
+    temporary = None
     try:
+        fd, temporary = tempfile.mkstemp(dir=path.parent, prefix=f"{UNFINISHED}{path.name}.", suffix=path.suffix)
         with os.fdopen(fd, mode, **kwargs) as file:
             yield file
         umask = os.umask(0)
         os.umask(umask)
         os.chmod(temporary, 0o666 & ~umask)
         os.replace(temporary, path)
-    except BaseException:
-        with contextlib.suppress(FileNotFoundError):
-            os.unlink(temporary)
+    except BaseException as error:
+        if temporary:
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(temporary)
+        if isinstance(error, OSError) and (error.filename is None or UNFINISHED in str(error.filename)):
+            error.filename = str(path)  # a full disk is told by the file that it has no room for
         raise
 
 
@@ -57,6 +63,7 @@ def set_up_log(log_file=None):
     if log_file:
         Path(log_file).parent.mkdir(parents=True, exist_ok=True)
         handlers.append(logging.FileHandler(log_file, mode="w"))
+    logging.raiseExceptions = False  # a log that can't be written, on a full disk, is no reason for a traceback
     logging.basicConfig(level=logging.INFO, format="%(message)s", handlers=handlers, force=True)
 
 

@@ -131,7 +131,8 @@ def main(arguments=None):
             print_board(board_of(kind, given), out, papers)
         else:
             read = rig_markers if kind == "rig" else read_markers
-            print_markers(read(Path(given["file"])), Path(given["file"]).stem, out, papers)
+            title = Path(given["file"]).stem.encode("utf-8", "backslashreplace").decode()  # names need not be UTF-8
+            print_markers(read(Path(given["file"])), title, out, papers)
 
 
 if __name__ == "__main__":

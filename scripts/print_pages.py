@@ -120,7 +120,7 @@ def _cut_out(axes, plate, place, name):
     """Draw where a plate is cut out, and its name beside it."""
     x, y = 1000 * plate.x_m[[0, -1]] + place[0], 1000 * plate.y_m[[0, -1]] + place[1]
     axes.plot(x[[0, 1, 1, 0, 0]], y[[0, 0, 1, 1, 0]], color=CUT_GREY, linewidth=0.25)
-    axes.text(x[0], y[0] - 0.4, name, fontsize=LETTER_PT - 1, va="top", color="0.4")
+    axes.text(x[0], y[0] - 0.4, name, fontsize=LETTER_PT - 1, va="top", color="0.4", parse_math=False)
 
 
 def _ruler(axes, description, width):
@@ -138,4 +138,4 @@ def _ruler(axes, description, width):
     beside = left + RULER_MM + 6
     lines = textwrap.wrap(f"{description} {check}", int((width - RIM_MM - beside) / 0.96))
     for k, line in enumerate(lines):
-        axes.text(beside, low + 12.5 - k * LINE_MM, line, fontsize=LETTER_PT, va="top", color="0.25")
+        axes.text(beside, low + 12.5 - k * LINE_MM, line, fontsize=LETTER_PT, va="top", color="0.25", parse_math=False)

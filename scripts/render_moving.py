@@ -9,7 +9,6 @@ import hashlib
 import importlib.util
 import json
 import logging
-import shutil
 import time
 from pathlib import Path
 
@@ -25,6 +24,7 @@ from moving.config import load_moving
 from moving.truth import occluder_x_m, trajectory_of
 from rig.errors import InputError
 from rig.plates import marker_plate
+from whole_folder import whole_folder
 
 log = logging.getLogger("twingap")
 
@@ -109,10 +109,7 @@ def write_frames(moving, trajectory, store, keys, out):
     """Write the stored renders as PNG with the camera's noise, each frame with noise of its own."""
     height, width = moving.shape
     view = View(moving.K, width, height, 0, np.eye(4), "moving", trajectory, trajectory, noise_dn=moving.file.noise_dn)
-    unfinished = out.with_name(out.name + ".unfinished")
-    shutil.rmtree(unfinished, ignore_errors=True)
-    unfinished.mkdir(parents=True)
-    try:
+    with whole_folder(out) as folder:
         for frame, key in enumerate(keys):
             radiance, _ = render_store.read_station(store, {"file": f"{key}.npz", "key": key})
             rng = np.random.default_rng(
@@ -122,12 +119,7 @@ def write_frames(moving, trajectory, store, keys, out):
             ok, data = cv2.imencode(".png", image[..., 0], [cv2.IMWRITE_PNG_COMPRESSION, 3])
             if not ok:
                 raise RuntimeError(f"{trajectory}, frame {frame}: PNG encoding failed")
-            (unfinished / frame_name(frame)).write_bytes(data.tobytes())
-    except BaseException:
-        shutil.rmtree(unfinished, ignore_errors=True)
-        raise
-    shutil.rmtree(out, ignore_errors=True)
-    unfinished.rename(out)
+            (folder / frame_name(frame)).write_bytes(data.tobytes())
 
 
 if __name__ == "__main__":

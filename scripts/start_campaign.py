@@ -11,6 +11,7 @@ they are.
 import argparse
 import csv
 import io
+import json
 import logging
 import re
 import shlex
@@ -213,7 +214,9 @@ def tell(folder, pattern, cameras, left_out):
         if "GUESSED" in why:
             file = "markers.csv" if key in IN_TABLE and pattern.board is None else "campaign.yaml"
             log.info("%s is a guess: measure it on the print, and correct it in %s", key, Path(folder) / file)
-    log.info("next: snakemake --cores 2 --config %s", shlex.quote(f"campaign={folder}"))
+    # Snakemake reads the value as YAML, in which " #" begins a comment
+    value = json.dumps(str(folder), ensure_ascii=False) if re.search(r" #|: ", str(folder)) else folder
+    log.info("next: snakemake --cores 2 --config %s", shlex.quote(f"campaign={value}"))
 
 
 def main(arguments=None):

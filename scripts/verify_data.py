@@ -1,5 +1,6 @@
 """Verify: a campaign's files against the hashes in its .dvc file; changed, missing and extra files are named."""
 
+import contextlib
 import hashlib
 import json
 import logging
@@ -45,18 +46,19 @@ def directory_hash(files):
 def tracked_md5(dvc_file):
     """Return the hash of the folder that a .dvc file tracks, such as ``75bd2ff4....dir``."""
     outputs = load_yaml(dvc_file).get("outs")
-    md5 = outputs[0].get("md5") if isinstance(outputs, list) and len(outputs) == 1 else None
-    if not re.fullmatch(r"[0-9a-f]{32}\.dir", str(md5)) or outputs[0].get("hash") != "md5":
+    one = outputs[0] if isinstance(outputs, list) and len(outputs) == 1 and isinstance(outputs[0], dict) else {}
+    md5 = one.get("md5")
+    if not re.fullmatch(r"[0-9a-f]{32}\.dir", str(md5)) or one.get("hash") != "md5":
         raise InputError(f"{dvc_file}: outs: expected the md5 of one folder, as `dvc add FOLDER` of DVC 3 writes it")
     return md5
 
 
 def tracked_listing(hash_, stores):
-    """Return {relative path: MD5} of a tracked folder; None where neither DVC's cache nor a local remote has it."""
+    """Return {relative path: MD5} of a tracked folder; None where neither DVC's cache nor a local remote has it whole."""
     for store in stores:
         path = Path(store) / "files/md5" / hash_[:2] / hash_[2:]
-        if path.is_file():
-            return {entry["relpath"]: entry["md5"] for entry in json.loads(path.read_text())}
+        with contextlib.suppress(OSError, ValueError, TypeError, KeyError, RecursionError):
+            return {str(entry["relpath"]): str(entry["md5"]) for entry in json.loads(path.read_bytes())}
     return None
 
 

@@ -12,7 +12,9 @@ import contextlib
 import errno
 import hashlib
 import os
+import re
 import shutil
+import tempfile
 from pathlib import Path
 
 import bpy
@@ -32,6 +34,7 @@ BOX_FILTER_PX = 1.0
 PACKED_COLUMNS = 512
 LEAST_ROWS = 4  # Blender renders no smaller picture
 ADAPTIVE_THRESHOLD = 1e-3
+PLAIN = r"[A-Za-z0-9_./ -]*"  # paths that need no quoting anywhere
 BLACK, WHITE = 0, 1
 
 # Each pixel of the packed picture stands for one pixel of the camera; the table holds the ray through its centre.
@@ -87,9 +90,10 @@ class Renderer:
         bpy.ops.wm.read_factory_settings(use_empty=True)
         self.scene, self.K, self.margin, self.edge_samples, self.device = scene, K, margin, edge_samples, device
         self.shape = (height + 2 * margin, width + 2 * margin)
-        self.folder = Path(folder).absolute()
-        shutil.rmtree(self.folder, ignore_errors=True)  # what a killed run left
-        self.folder.mkdir(parents=True)
+        self.made = [Path(folder).absolute()]
+        shutil.rmtree(self.made[0], ignore_errors=True)  # what a killed run left
+        self.made[0].mkdir(parents=True)
+        self.folder = self._plain_path(self.made[0])
         bpy.context.preferences.filepaths.temporary_directory = str(self.folder)
         self.plates = printed_plates(scene)
         self.segments = edge_segments(self.plates)
@@ -101,7 +105,16 @@ class Renderer:
 
     def close(self):
         """Remove the temporary files."""
-        shutil.rmtree(self.folder, ignore_errors=True)
+        for folder in self.made:
+            shutil.rmtree(folder, ignore_errors=True)
+
+    def _plain_path(self, folder):
+        """Return a path to a folder that Blender and OSL take as it is: quotes, ``#``, ``%`` or ``<`` mean something to them."""
+        if re.fullmatch(PLAIN, str(folder)):
+            return folder
+        self.made.append(Path(tempfile.mkdtemp(prefix="twingap_")))
+        (self.made[-1] / "link").symlink_to(folder, target_is_directory=True)
+        return self.made[-1] / "link"
 
     def render(self, T_cam_world):
         """Return the linear radiance (H + 2m, W + 2m) float32 of the rig seen from a pose.

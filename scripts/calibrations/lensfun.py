@@ -39,7 +39,7 @@ def read(text, where):
         root = untrusted.fromstring(text.encode())
     except DefusedXmlException as error:
         raise InputError(f"{where}: XML entities are not read ({type(error).__name__})") from None
-    except ElementTree.ParseError as error:
+    except (ElementTree.ParseError, ValueError, LookupError) as error:  # the latter of encodings
         raise InputError(f"{where}: not XML ({error})") from None
     return {_text(lens, "model", where): _lens(lens, where) for lens in root.iter("lens")}
 

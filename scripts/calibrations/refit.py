@@ -1,5 +1,6 @@
 """Put a camera's map of rays into the lens model of a format: as it is, or refitted, with what that costs in pixels."""
 
+import contextlib
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from rig.errors import InputError
 ACROSS, DOWN = 33, 25  # points of the frame that a fit is held to
 EXACT_PX = 1e-3  # from here on a model with fewer coefficients is preferred
 LARGEST_ERROR_PX = 0.5
+LEAST_SEEN = 0.5  # of the frame
 
 
 def frame_points(width, height):
@@ -78,19 +80,27 @@ def check_error(best, title, allowed_px):
 
 
 def rays_of_frame(calibration):
-    """Return (rays (n, 2), pixels (n, 2)) of a Calibration, even over its frame: Gauss-Newton on its own projection."""
+    """Return (rays (n, 2), pixels (n, 2)) of a Calibration, even over its frame: Gauss-Newton on its own projection.
+
+    Raises InputError where there are rays to less than half of the frame: no camera is like that.
+    """
     pixels = frame_points(calibration.width, calibration.height)
     pinhole = np.array([calibration.fx, calibration.fy])
     rays = (pixels - [calibration.cx, calibration.cy]) / pinhole
     step = 1e-6
-    for _ in range(50):
-        landed = project(calibration, rays)
-        error = pixels - landed
-        if np.abs(error).max() < 1e-10:
-            break
-        J = np.stack([(project(calibration, rays + np.eye(2)[k] * step) - landed) / step for k in (0, 1)], axis=2)
-        rays = rays + np.clip(np.linalg.solve(J, error[..., None])[..., 0], -0.3, 0.3)
+    with np.errstate(all="ignore"), contextlib.suppress(np.linalg.LinAlgError):  # a lens that folds: no rays there
+        for _ in range(50):
+            landed = project(calibration, rays)
+            error = pixels - landed
+            if np.abs(error).max() < 1e-10:
+                break
+            J = np.stack([(project(calibration, rays + np.eye(2)[k] * step) - landed) / step for k in (0, 1)], axis=2)
+            rays = rays + np.clip(np.linalg.solve(J, error[..., None])[..., 0], -0.3, 0.3)
     good = np.linalg.norm(project(calibration, rays) - pixels, axis=1) < 1e-6
+    if good.mean() < LEAST_SEEN:
+        raise InputError(
+            f"a calibration whose lens takes rays to {good.mean():.0%} of its frame only: is it one of this camera?"
+        )
     return rays[good], pixels[good]
 
 

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from calibrations.formats import read_calibration
 from inputs.rows import number, read_rows
-from inputs.safe_yaml import load_yaml, validation_message
+from inputs.safe_yaml import LONGEST_SHOWN, load_yaml, validation_message
 from rig.board_markers import board_markers
 from rig.errors import InputError
 from rig.plates import aruco_dictionary
@@ -210,7 +210,14 @@ def inside(folder, relative, where):
     if re.search(r"[{}\n\r]", relative):
         raise InputError(f"{where} is {relative!r}: braces and line ends are not allowed")
     full = Path(folder) / path
-    if not full.resolve().is_relative_to(Path(folder).resolve()):
+    try:
+        full.is_file()
+        stays = full.resolve().is_relative_to(Path(folder).resolve())
+    except (OSError, RuntimeError, ValueError) as error:  # a name that is too long, links in a circle
+        raise InputError(
+            f"{where} is {relative[:LONGEST_SHOWN]!r}: {getattr(error, 'strerror', None) or error}"
+        ) from None
+    if not stays:
         raise InputError(f"{where} is {relative!r}: it leaves the campaign's folder")
     return full
 

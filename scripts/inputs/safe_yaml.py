@@ -59,7 +59,8 @@ def plain_data(text, where):
     except YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = f", line {mark.line + 1}" if mark else ""
-        raise InputError(f"{where}{line}: {getattr(error, 'problem', None) or error}") from None
+        what = getattr(error, "problem", None) or getattr(error, "reason", None) or error
+        raise InputError(f"{where}{line}: {what}") from None
     except ValueError as error:  # a number of 5000 digits, a 32nd of January
         raise InputError(f"{where}: {error}") from None
     except RecursionError:

@@ -80,7 +80,10 @@ DETECTION_TIMES = pa.DataFrameSchema(_columns(TEXT, ["source", "capture"]) | _co
 def read_table(path, schema):
     """Return a table as the schema has it; raises InputError naming file and column where it is not."""
     text = {name: str for name, c in schema.columns.items() if c.dtype and "str" in str(c.dtype)}
-    table = pd.read_csv(path, dtype=text, keep_default_na=True)
+    try:
+        table = pd.read_csv(path, dtype=text, keep_default_na=True)
+    except (ValueError, pd.errors.ParserError) as error:  # also of what is no UTF-8, or empty
+        raise InputError(f"{path}: not a CSV table in UTF-8 ({error})") from None
     for name in table.columns.intersection(list(text)):
         table[name] = table[name].fillna("")
     return _checked(table, path, schema)
@@ -96,5 +99,6 @@ def write_table(table, path, schema):
 def _checked(table, path, schema):
     try:
         return schema.validate(table)[list(schema.columns)]
-    except pa.errors.SchemaError as error:
-        raise InputError(f"{path}: {str(error).splitlines()[0]}") from None
+    except (pa.errors.SchemaError, pa.errors.SchemaErrors) as error:
+        first = getattr(error, "schema_errors", [error])[0]
+        raise InputError(f"{path}: {str(first).partition('DataFrameSchema')[0].splitlines()[0]}") from None

@@ -65,10 +65,18 @@ def _entries(path, visited):
     inherited = []
     if data.get("extends") is not None:
         base = path.parent / str(data["extends"])
-        if not base.is_file():
+        if not _is_file(base):
             raise InputError(f"{path}: extends: {data['extends']!r}: no such file (relative to this file's folder)")
         inherited = [(w, e) for w, e in _entries(base, (*visited, path)) if e.get("effect") not in names]
     return inherited + [(f"{path}: effects, entry {k + 1}", e) for k, e in enumerate(own)]
+
+
+def _is_file(path):
+    """Return whether there is such a file; a name that no file can have names none."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
 
 
 def _effect(where, entry):

@@ -68,6 +68,8 @@ def _photograph(file, path, folder):
     """Return (Photograph, hash of its pixels); raises InputError for what can't be a campaign's image."""
     if NOT_ALLOWED.search(path):
         raise InputError("braces, backslashes and line ends are not allowed in a campaign's paths: rename it")
+    if not path.isprintable() or path != path.strip():
+        raise InputError("its name has signs that can't be printed, or begins or ends with a blank: rename it")
     if not file.resolve().is_relative_to(folder.resolve()):
         raise InputError("a link that leads out of the folder")
     size = read_header(file)[:2]

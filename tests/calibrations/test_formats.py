@@ -6,7 +6,8 @@ import pytest
 from cameras import LENSES, SIZE, camera, rays
 
 from calibrations.formats import available_formats, read_calibration
-from calibrations.lens import project
+from calibrations.lens import Calibration, project
+from export_camera import convert
 from rig.errors import InputError
 
 FORMATS = available_formats()
@@ -137,6 +138,16 @@ def test_a_lens_database_needs_the_images_size(tmp_path):
 ENTITIES = '<!DOCTYPE a [<!ENTITY x "1.5"><!ENTITY y SYSTEM "file:///etc/passwd">]>' + LENS.format(crop="&x;", focal=24)
 WRONG = {
     "entities.xml": (ENTITIES, "XML entities are not read"),
+    "laughs.xml": (
+        "<!DOCTYPE a [<!ENTITY a 'ha'><!ENTITY b '&a;&a;&a;&a;&a;&a;&a;&a;'><!ENTITY c '&b;&b;&b;&b;&b;&b;&b;&b;'>]>"
+        + LENS.format(crop="&c;", focal=24),
+        "XML entities are not read",
+    ),
+    "encoding.xml": ('<?xml version="1.0" encoding="utf-7"?>' + LENS.format(crop=1, focal=24), "not XML"),
+    "unknown.xml": ('<?xml version="1.0" encoding="nope"?>' + LENS.format(crop=1, focal=24), "not XML"),
+    "red.txt": ("1 \x1b[31mPINHOLE 640 480 1 2 3 4\n", "no calibration in a known format"),
+    "nul.txt": ("1 PINHOLE 640 480 1\0 2 3 4\n", "could not convert"),
+    "nul.yaml": ("camera_matrix: !!opencv-matrix\n\0", "special characters are not allowed"),
     "broken.xml": ("<lensdatabase><lens>", "not XML"),
     "crop.xml": (LENS.format(crop="big", focal=24), "cropfactor is 'big'"),
     "code.cameramodel": (
@@ -174,7 +185,18 @@ def test_what_no_file_of_its_format_can_be_is_one_line(tmp_path, name):
     (tmp_path / name).write_text(text)
     with pytest.raises(InputError, match=message) as error:
         read_calibration(tmp_path / name, SIZE)
-    assert str(tmp_path) in str(error.value) and "\n" not in str(error.value)
+    assert str(tmp_path) in str(error.value) and str(error.value).isprintable()
+
+
+@pytest.mark.parametrize(
+    ("lens", "coefficients"),
+    [("opencv", (1e3, -50.0, 0.3, 1e-9, 1e3)), ("fisheye", (5.0, 5.0, 1e3, -0.5)), ("ptlens", (0.3, 1e-9, 5.0))],
+)
+def test_a_lens_without_rays_can_not_be_converted(lens, coefficients):
+    """Fails if a calibration that folds the image ends in a traceback of the solver, or is fitted to nothing."""
+    calibration = Calibration(640, 480, 1.0, 9e6, -9e6, 9e6, lens, coefficients)
+    with pytest.raises(InputError, match="takes rays to .* of its frame only"):
+        convert(calibration, "a", FORMATS["colmap"], 0.5)
 
 
 def test_every_lens_of_the_tests_is_there():

@@ -1,5 +1,6 @@
 """What comes out of the printer is what the twin takes it for: rendered to pixels, detectors read it, lengths are true."""
 
+import os
 import re
 
 import cv2
@@ -11,6 +12,7 @@ import print_board
 from inputs.experiment import rig_markers
 from print_pages import PAPERS, RIM_MM, RULER_MM
 from register.boards import find_board
+from tiny_campaign import MARKERS
 
 DPI = 254  # ten pixels a millimetre
 PX_PER_MM = DPI / 25.4
@@ -107,3 +109,13 @@ def test_what_can_t_be_printed_is_one_line(tmp_path, capfd, arguments, message):
     assert end.value.code == 1 and said.count("\n") == 1
     assert re.search(message, said), said
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "name", ["a$b\\frac$.csv", "<script>&amp;.csv", "日本's.csv", os.fsdecode(b"\xff.csv"), "a\x1b[31m.csv"]
+)
+def test_a_table_of_any_name_is_printed(tmp_path, name):
+    """Fails if a file's name is set as a formula, or one that is no UTF-8 ends in a traceback."""
+    (tmp_path / name).write_text(MARKERS)
+    print_board.main(["markers", str(tmp_path / name), "--out", str(tmp_path / "out.pdf"), "--paper", "a4"])
+    assert (tmp_path / "out_a4.pdf").read_bytes().startswith(b"%PDF")

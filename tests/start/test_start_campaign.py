@@ -1,5 +1,6 @@
 """A folder of photographs becomes a campaign in one command, with the right board, and says what it left out."""
 
+import os
 import shutil
 
 import cv2
@@ -85,12 +86,15 @@ def test_what_is_left_out_is_said_and_why(tmp_path, capfd):
     cv2.imwrite(str(folder / "wall.jpg"), np.full((720, 960), 99, np.uint8))
     (folder / "cut.png").write_bytes((folder / "photo 1.png").read_bytes()[:4000])
     (folder / "curly{0}.png").write_bytes((folder / "photo 1.png").read_bytes())
+    for name in (" blank.png", "turned \u202egnp.png", os.fsdecode(b"\xff bytes.png")):
+        (folder / name).write_bytes((folder / "photo 1.png").read_bytes())
     (folder / "notes.txt").write_text("hello")
     start_campaign.main([str(folder)])
     said = capfd.readouterr().err
     for words in (
         "photo 0.png: the same picture as copy.png", "small.png: 720 x 540 pixels, with 1 usable; 3 of one camera",
         "wall.jpg: the board was not found in it", "cut.png: truncated PNG", "curly{0}.png: braces",
+        " blank.png: its name has signs that can't be printed, or begins or ends with a blank", "gnp.png: its name has signs",
         "square_m is a guess: measure it", "next: snakemake --cores 2 --config 'campaign=",
     ):  # fmt: skip
         assert words in said, said

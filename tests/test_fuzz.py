@@ -1,0 +1,81 @@
+"""A small sample of `make fuzz`: broken inputs on every reader of foreign files, and a fuzzer that finds what there is."""
+
+import cv2
+import numpy as np
+import pytest
+
+from bench_fuzz import Fault, fuzz, tried
+from fuzz_inputs import png_mended, text_inputs
+from fuzz_readers import Reader, readers
+from inputs.images import read_image
+from rig.errors import InputError, one_line
+
+INPUTS = 12  # each reader; `make fuzz` gives it 100,000
+
+
+@pytest.fixture(scope="module")
+def all_readers(tmp_path_factory):
+    return readers(tmp_path_factory.mktemp("fuzz") / "all")
+
+
+def test_no_broken_input_ends_in_a_traceback(all_readers):
+    """Fails if a reader lets another error than InputError out, or one whose message is not one printable line."""
+    found = {}
+    for name, reader in all_readers.items():
+        count, taken, last, fault = fuzz(reader, INPUTS, number=1)
+        if fault:
+            found[name] = (str(fault), last)
+    assert found == {}
+
+
+def reader_of(tmp_path, call):
+    return Reader(tmp_path / "a.txt", text_inputs([b"name: a\nvalue: 12\n"]), call)
+
+
+def test_a_reader_that_breaks_is_found_and_its_input_is_small(tmp_path):
+    """Fails if the fuzzer takes a traceback for a refusal."""
+
+    def call(path):
+        if b"value: 12" not in path.read_bytes():
+            raise KeyError("value")
+
+    _, _, last, fault = fuzz(reader_of(tmp_path, call), 300)
+    assert "KeyError" in str(fault) and len(last) < 40
+
+
+def test_messages_of_several_lines_are_found(tmp_path):
+    """Fails if only the kind of an error counts, and not what a user would read."""
+
+    def call(path):
+        error = InputError("a")
+        error.args = ("two\nlines",)
+        raise error
+
+    with pytest.raises(Fault, match="no printable line"):
+        tried(reader_of(tmp_path, call), b"")
+
+
+@pytest.mark.parametrize(
+    ("message", "shown"),
+    [
+        ("a\n  b", "a b"), ("Jörg's  rig", "Jörg's  rig"),
+        ("\x1b[31mred\0", r"\x1b[31mred\x00"), ("\u202e\ud800", r"\u202e\ud800"),
+        ("x" * 3000, "x" * 1996 + " ..."),
+    ],
+)  # fmt: skip
+def test_a_message_is_one_printable_line(message, shown):
+    """Fails if a file could write to a terminal what it likes: colours, line ends, letters that run backwards."""
+    assert one_line(message) == shown and str(InputError(message)) == shown
+
+
+def test_mended_images_come_beyond_their_checksums(tmp_path):
+    """Fails if all that is tried of PNG is its checksum."""
+    data = bytearray(cv2.imencode(".png", np.zeros((8, 9), np.uint8))[1].tobytes())
+    data[-20] ^= 1  # among the pixels
+    (tmp_path / "a.png").write_bytes(data)
+    with pytest.raises(InputError, match="checksum"):
+        read_image(tmp_path / "a.png")
+    (tmp_path / "a.png").write_bytes(png_mended(bytes(data)))
+    with pytest.raises(InputError) as error:
+        read_image(tmp_path / "a.png")
+    assert "checksum" not in str(error.value)
