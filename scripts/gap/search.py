@@ -32,6 +32,7 @@ SCALE_FROM_START = 8.0  # the same from an effect's start, that of images too
 MAX_PARAMETERS = 12  # of an effect that is no free warp, and of a base that is fitted beside a candidate
 MIN_GAIN = 25.0  # in loss: less is not worth a fit, nor a name
 CLEAR_EVIDENCE = 16.0  # times MIN_GAIN that taking an effect out costs to second order: a refit need not tell
+SHARE_OF_MIMICS = 0.9  # of what an effect of many parameters brings, that simpler ones promise together
 MAX_HIDDEN = 0.05  # share of the held-out plates that a candidate may lose
 ITERATIONS_OF_STARTS = 2  # in a few captures, to choose a start
 ITERATIONS_OF_RIVALS = 4  # there, to see whether a rival is one
@@ -168,24 +169,36 @@ class Search:
         About its null, the twin's own parameters going along, or towards one of its starts: a prediction for each parameter
         and start. What promises next to nothing need not be fitted.
         """
+        starts, towards = self.problem.starts_of(effect), []
+        if len(starts) > 1 or starts != library.starts_of(effect):
+            towards, _ = self._gains_of_starts(twin, effect, starts, self._prepared_for(twin)[0])
+        best = max([self._gain_of(twin, [effect]), *towards], key=np.sum)
+        return dict(zip(GROUPS, best * len(self.train) / max(len(probes(self.train)), 1), strict=True))
+
+    def _gain_of(self, twin, names):
+        """Return the loss (groups,) that effects which the twin has not could gain together in the probes, about their nulls."""
         (indices, groups, nu), beside = self._prepared_for(twin)
-        free = [(effect, k) for k in library.fitted_parameters(effect) if not spec((effect, k)).auxiliary]
-        effects = [*twin.effects, (effect, library.nulls_of(effect))]
+        free = [(n, k) for n in names for k in library.fitted_parameters(n) if not spec((n, k)).auxiliary]
+        effects = [*twin.effects, *((n, library.nulls_of(n)) for n in names)]
         derivatives = self.solver.derivatives(effects, free, twin.poses, indices, start_step)
         if beside is None:
-            gains = first_order_gains(effects, free, derivatives, groups, nu)
-        else:
-            own = self.free(twin.effects)
-            alone = {i: (beside[i], Jp) for i, (_, Jp) in derivatives.items()}
-            together = {i: (np.hstack([Jt, beside[i]]), Jp) for i, (Jt, Jp) in derivatives.items()}
-            gains = first_order_gains(effects, free + own, together, groups, nu)
-            gains -= first_order_gains(effects, own, alone, groups, nu)
-        starts = self.problem.starts_of(effect)
-        towards = []
-        if len(starts) > 1 or starts != library.starts_of(effect):
-            towards, _ = self._gains_of_starts(twin, effect, starts, (indices, groups, nu))
-        best = max([gains, *towards], key=np.sum)
-        return dict(zip(GROUPS, best * len(self.train) / max(len(indices), 1), strict=True))
+            return first_order_gains(effects, free, derivatives, groups, nu)
+        own = self.free(twin.effects)
+        alone = {i: (beside[i], Jp) for i, (_, Jp) in derivatives.items()}
+        together = {i: (np.hstack([Jt, beside[i]]), Jp) for i, (Jt, Jp) in derivatives.items()}
+        gains = first_order_gains(effects, free + own, together, groups, nu)
+        return gains - first_order_gains(effects, own, alone, groups, nu)
+
+    @kept
+    def is_mimicked(self, twin, effect, others):
+        """Return whether other effects that a twin has not promise together what one of its own brings.
+
+        Asked to first order beside what else the twin has, refitted in a few captures.
+        """
+        rest = [e for e in twin.effects if e[0] != effect]
+        fit = self.solver.fit(rest, self.free(rest), twin.poses, probes(self.train), ITERATIONS_OF_RIVALS)
+        without = replace(twin, effects=tuple(fit.state.effects), poses=fit.state.poses)
+        return self._gain_of(without, others).sum() > SHARE_OF_MIMICS * self._gain_of(without, [effect]).sum()
 
     def _prepared_for(self, twin):
         """Return (probes, their derivatives by the twin's parameters), made once for a twin.

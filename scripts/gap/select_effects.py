@@ -15,6 +15,7 @@ from gap.twin import Twin
 
 MAX_TRIED, MAX_TRIED_AGAIN = 6, 4  # candidates that are fitted at first and in later steps; others stay at their null
 MIN_SHARE_OF_BEST = 0.03  # of the largest predicted gain: less is not fitted in this step
+MAX_SIMPLE = 3  # parameters of an effect that has no more than one form
 MAX_UNDERSTATED = 3.0  # times the predicted gain that an effect may really have
 RIVALS = 0.7  # share of the largest predicted gain from which an effect is tried that can only be another name
 MIN_SHARE = 0.15  # of what is left above the floor, that a candidate must gain: less is a patch on a wrong form
@@ -129,6 +130,8 @@ def concluded(selection, base, first):
         other = path(selection, base, rigid, before, way.effect)
         if other.share_left < 0.5 * best.share_left:  # the way of the best steps has the benefit
             best = other
+    if best.steps and not is_at_floor(best.twin):
+        best = _with_simpler(selection, base, rigid, best, before)
     if best.verdict == "unexplained" and not selection.is_spent():
         best = _with_flexible(selection, base, first, best, before)
     patched = not any(_closes_a_good_share(best.twin, step.main_group, before) for step in best.steps)
@@ -188,6 +191,28 @@ def _without_unneeded(search, twin, new, steps):
         if rest:
             return _without_unneeded(search, rest, new, [s for s in steps if s.effect != name])
     return twin, steps
+
+
+def _with_simpler(selection, base, first, best, before):
+    """Return the Outcome with simpler effects in the place of one of many parameters, a curve say, that stands for them.
+
+    Where one step of the simpler ones together promises what it brings, the way without it is gone as well.
+    """
+    search = selection.search
+    for step in best.steps:
+        rest = [e for e in best.twin.effects if e[0] != step.effect]
+        names = [c.effect for c in first if c.effect != step.effect]
+        simpler = [n for n in names if n not in best.twin.names and library.affects(n) == library.affects(step.effect)]
+        simpler = [n for n in simpler if len(library.fitted_parameters(n)) <= MAX_SIMPLE]
+        wide = len(library.fitted_parameters(step.effect)) > MAX_SIMPLE
+        if not wide or selection.is_spent() or not search.is_mimicked(best.twin, step.effect, simpler):
+            continue
+        twin = search.fitted(rest, best.twin.poses)
+        candidates, _ = try_promising(search, twin, names, MAX_TRIED_AGAIN)
+        other = path(selection, twin, candidates, before, taken=[s for s in best.steps if s is not step])
+        if sum(other.twin.losses.values()) < sum(best.twin.losses.values()):
+            best = _retraced(search, base, other, [step.effect], before)
+    return best
 
 
 def _with_flexible(selection, base, first, best, before):
