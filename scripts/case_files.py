@@ -4,10 +4,11 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from effects.base import View
-from gap.board import board_case
+from gap.board import board_case, local_noise_px
 from gap.measure.capture import Codes, Observation, read_rgb
 from gap.problem import MARGIN_PX, Capture, Case, encoding_table
 from inputs import tables
@@ -15,6 +16,7 @@ from inputs.images import read_image
 from inputs.scene import load_scene
 from register.board_checks import MIN_PHOTOGRAPHS
 from register.boards import LEAST_POINTS
+from register.calibration import NAMES, matrix_of
 from register.registration import NO_PRIOR, pose_from_plane, prior_of
 from rig.errors import InputError
 from rig.geometry import camera_matrix, make_pose
@@ -100,17 +102,20 @@ def load_measured(expand, register_json, camera, observations):
         ]
     pixels = np.where(usable[:, None, None], pixels, np.nan)
     row = tables.read_table(Path(expand) / "cameras.csv", tables.CAMERAS).set_index("camera").loc[camera]
+    noise_px = local_noise_px(points, without_lens(pixels, register_json))
+    given = np.isfinite(row.fx), sigma_pose
     return board_case(
-        facts["name"],
-        camera,
-        load_scene(expand),
-        views,
-        captures.trial,
-        points,
-        pixels,
-        sigma_pose,
-        np.isfinite(row.fx),
+        facts["name"], camera, load_scene(expand), views, captures.trial, points, pixels, noise_px, *given
     )
+
+
+def without_lens(pixels, register_json):
+    """Return pixels (..., 2) as a camera without distortion would have them, by the camera's calibration where it has one."""
+    fit = json.loads(Path(register_json).read_text())["calibrations"].get("5")
+    if fit is None:
+        return pixels
+    K, distortion = matrix_of(fit), np.array([fit["parameters"][k] for k in NAMES[4:9]])
+    return cv2.undistortPoints(pixels.reshape(-1, 1, 2), K, distortion, P=K).reshape(pixels.shape)
 
 
 def save_points(file, found):

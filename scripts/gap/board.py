@@ -6,6 +6,7 @@ repeats the floor is what is left about smooth maps.
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from effects import library, pipeline
@@ -13,10 +14,9 @@ from effects.base import View
 from gap.measure.capture import Observation
 from gap.predict.predictor import Prediction
 from gap.problem import Capture, Case
-from rig.geometry import camera_matrix, make_pose, project
+from rig.geometry import camera_matrix, make_pose
 
-FEWEST_POINTS_A_TERM = 2  # of a smooth map of a view
-DEGREES = (3, 4, 5)  # of such maps; a wide lens takes more
+FEWEST_POINTS = 24  # of a view whose noise can be told
 USUAL_NOISE_PX, SMALLEST_NOISE_PX = 0.2, 0.02  # where no view has enough points; what no finder is better than
 SCALED_PX = 1e-6  # off a scaling about the principal point, up to which a map is one
 # Where another focal length is told apart from an effect: any view with the ground in sight
@@ -90,13 +90,12 @@ class ShownPoints:
         return Prediction(after.features - before.features, measured, before.colour, before.field, None)
 
 
-def board_case(campaign, camera, scene, views, trials, points, pixels, sigma_pose, knows_intrinsics):
+def board_case(campaign, camera, scene, views, trials, points, pixels, noise_px, knows_intrinsics, sigma_pose):
     """Return the BoardCase of views [effects.base.View], each at the pose from which its fit starts.
 
     trials [repeat number]; points (p, 3) of the board, metres; pixels (views, p, 2) where each view shows them, NaN where it
-    does not; sigma_pose (6,) as of Case.
+    does not; noise_px their standard deviation per axis; sigma_pose (6,) as of Case.
     """
-    noise_px = local_noise_px(views, points, pixels)
     captures = [Capture(v, t, observation_of(xy, noise_px)) for v, t, xy in zip(views, trials, pixels, strict=True)]
     focal = [] if knows_intrinsics else [n for n in seen_by_points(library.available_effects()) if scales_alone(n)]
     nuisances = tuple((n, library.nulls_of(n)) for n in focal[:1])
@@ -113,31 +112,30 @@ def observation_of(pixels, noise_px):
     )
 
 
-def local_noise_px(views, points, pixels):
-    """Return the standard deviation per axis of points (views, p, 2) about a smooth map of their own view, pixels.
+def local_noise_px(points, pixels):
+    """Return the standard deviation per axis of a board's points (views, p, 2) about a smooth map of each view, pixels.
 
-    A polynomial in the coordinates that the view's pose predicts takes up pose, lens and paper; what is left is noise. Of
-    polynomials of several degrees the one that leaves least, each by its degrees of freedom.
+    points (p, 3), metres; pixels NaN where a point is not seen. A cubic polynomial in the coordinates that a homography
+    predicts takes up pose, paper and what a lens leaves; the rest is noise.
     """
-    scatters = [
-        np.array([_scatter(v, points, xy, degree) for v, xy in zip(views, pixels, strict=True)]) for degree in DEGREES
-    ]
-    found = [np.sqrt(s[:, 0].sum() / s[:, 1].sum()) for s in scatters if s[:, 1].any()]
-    return max(min(found, default=USUAL_NOISE_PX), SMALLEST_NOISE_PX)
+    squares, freedom = 0.0, 0
+    for xy in pixels:
+        seen = np.isfinite(xy).all(1)
+        if seen.sum() >= FEWEST_POINTS:
+            terms = _cubic_terms(points[seen], xy[seen])
+            residual = xy[seen] - terms @ np.linalg.lstsq(terms, xy[seen], rcond=None)[0]
+            deviation = 1.4826 * np.median(np.abs(residual - np.median(residual, 0)), axis=0)
+            squares += (deviation**2).mean() * seen.sum()
+            freedom += seen.sum() - terms.shape[1]
+    return max(float(np.sqrt(squares / freedom)) if freedom else USUAL_NOISE_PX, SMALLEST_NOISE_PX)
 
 
-def _scatter(view, points, pixels, degree):
-    """Return (variance about a polynomial, times degrees of freedom; these) of a view's points; zeros where they are few."""
-    seen = np.isfinite(pixels).all(1)
-    powers = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
-    if seen.sum() < FEWEST_POINTS_A_TERM * len(powers):
-        return 0.0, 0.0
-    p = project(view.K, view.T_cam_world, points[seen])
-    x, y = ((p - p.mean(0)) / max(p.std(), 1e-9)).T
-    terms = np.stack([x**i * y**j for i, j in powers], axis=1)
-    residual = pixels[seen] - terms @ np.linalg.lstsq(terms, pixels[seen], rcond=None)[0]
-    deviation = 1.4826 * np.median(np.abs(residual - np.median(residual, 0)), axis=0)
-    return (deviation**2).mean() * seen.sum(), seen.sum() - len(powers)
+def _cubic_terms(points, pixels):
+    """Return the terms (n, 10) of a cubic polynomial in where a homography has points (n, 3), near their pixels (n, 2)."""
+    H, _ = cv2.findHomography(points[:, :2], pixels)
+    mapped = cv2.perspectiveTransform(points[None, :, :2], H)[0]
+    x, y = ((mapped - mapped.mean(0)) / max(mapped.std(), 1e-9)).T
+    return np.stack([x**i * y**j for i in range(4) for j in range(4 - i)], axis=1)
 
 
 def seen_by_points(names):

@@ -1,12 +1,13 @@
 """A board's points as a problem: drawn by exact maps, so that what was hidden in them is known."""
 
 import io
+import json
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from case_files import save_points
+from case_files import save_points, without_lens
 from effects import library, pipeline
 from effects.base import Scene, View
 from gap.board import board_case, local_noise_px, scales_alone, seen_by_points
@@ -47,7 +48,8 @@ def photographs(effects=(), number=12, noise_px=NOISE_PX, bend_px=0.0, focal_px=
 def problem_of(views, pixels, knows_intrinsics=False):
     """Return the BoardCase of photographs with free poses."""
     scene = Scene((), 0.8, 0.05, 0.3, 0.3)
-    return board_case("c", "c", scene, views, [0] * len(views), POINTS, pixels, NO_PRIOR, knows_intrinsics)
+    trials, noise_px = [0] * len(views), local_noise_px(POINTS, pixels)
+    return board_case("c", "c", scene, views, trials, POINTS, pixels, noise_px, knows_intrinsics, NO_PRIOR)
 
 
 def test_a_lens_is_named_and_measured_with_the_focal_length_that_nobody_knew():
@@ -88,11 +90,16 @@ def test_known_intrinsics_are_not_fitted():
     assert [s.effect for s in outcome.steps] == scaling
 
 
-@pytest.mark.parametrize("effects", [(), [("radial_distortion", {"k1": -0.35, "k2": 0.1, "k3": 0.0})]])
-def test_the_floor_is_the_noise_whatever_the_lens(effects):
+@pytest.mark.parametrize("calibrated", [False, True])
+def test_the_floor_is_the_noise_whatever_the_lens(calibrated, tmp_path):
     """Fails if a wide lens's own bend counts as noise, or degrees of freedom are forgotten."""
-    views, pixels = photographs(effects)
-    assert local_noise_px(views, POINTS, pixels) == pytest.approx(NOISE_PX, rel=0.1)
+    lens = {"k1": -0.45, "k2": 0.25, "p1": 0.0, "p2": 0.0, "k3": 0.0}
+    hidden = [("radial_distortion", {k: lens[k] for k in ("k1", "k2", "k3")})] if calibrated else []
+    fit = {"parameters": {"fx": FOCAL_PX, "fy": FOCAL_PX, "cx": 319.5, "cy": 239.5} | lens}
+    (tmp_path / "r.json").write_text(json.dumps({"calibrations": {"5": fit} if calibrated else {}}))
+    _, pixels = photographs(hidden)
+    found = local_noise_px(POINTS, without_lens(pixels, tmp_path / "r.json"))
+    assert found == pytest.approx(NOISE_PX, rel=0.15 if calibrated else 0.1)
 
 
 def test_points_have_the_derivatives_of_their_maps():
