@@ -309,7 +309,7 @@ def is_enough(by_group, gain, least, excess):
     """
     if gain > MIN_SHARE * sum(excess.values()):
         return True
-    return any(g > max(least, MIN_SHARE_OF_GROUP * excess[name]) for name, g in by_group.items())
+    return any(g > max(least, MIN_SHARE_OF_GROUP * excess.get(name, 0.0)) for name, g in by_group.items())
 
 
 def confused_with(problem, best, candidates):
