@@ -144,6 +144,8 @@ def diagnose_camera(
     } | verdict_record(base, first, outcome, nuisances)
     if nuisances:
         result["nuisances"] = {n: p for n, p in twin.effects if n in nuisances}
+    if not case.draws:
+        result["floor"] = {"corners_px": case.noise_px} | twin.floors
     with job.write_atomically(out) as file:
         json.dump(job.clean(result), file, indent=1, sort_keys=True)
     images = _images(expand, campaign, camera, case, search.test) if case.draws else {}

@@ -35,6 +35,7 @@ class BoardCase(Case):
 
     points: np.ndarray = None
     nuisances: tuple = ()
+    noise_px: float = None  # standard deviation of a point's x and y: the floor
     corner_numbers = 2
     state_features = np.arange(2)
     most_captures = 1000  # points cost next to nothing
@@ -99,7 +100,9 @@ def board_case(campaign, camera, scene, views, trials, points, pixels, noise_px,
     captures = [Capture(v, t, observation_of(xy, noise_px)) for v, t, xy in zip(views, trials, pixels, strict=True)]
     focal = [] if knows_intrinsics else [n for n in seen_by_points(library.available_effects()) if scales_alone(n)]
     nuisances = tuple((n, library.nulls_of(n)) for n in focal[:1])
-    return BoardCase(campaign, camera, scene, None, captures, sigma_pose, points=points, nuisances=nuisances)
+    return BoardCase(
+        campaign, camera, scene, None, captures, sigma_pose, points=points, nuisances=nuisances, noise_px=noise_px
+    )
 
 
 def observation_of(pixels, noise_px):
