@@ -375,7 +375,11 @@ CAMERAS = sorted(set(SOURCE.captures.camera) if CAMPAIGN else SOURCE.file.camera
 DETECTORS = sorted(config["detectors"])
 CAPTURE_COUNTS = SOURCE.captures.camera.value_counts().to_dict()
 # Cameras whose captures are divided among jobs (batches.smk), and the others.
-DIVIDED = [c for c in CAMERAS if CAMPAIGN and CAPTURE_COUNTS[c] > config["batch"]]
+DIVIDED = [
+    c
+    for c in CAMERAS
+    if CAMPAIGN and not BOARD and CAPTURE_COUNTS[c] > config["batch"]
+]
 UNDIVIDED = [c for c in CAMERAS if c not in DIVIDED]
 DIAGNOSIS = (
     expand(f"{RESULTS}/diagnosis/{{camera}}.json", camera=CAMERAS)

@@ -1,7 +1,8 @@
 """Diagnose: which effect the twin of each camera lacks, and how its error falls as effects are added.
 
 Needs: expand/, register/CAMERA.json, captures, the twin as configured. Makes: diagnosis/CAMERA.json (the verdict),
-diagnosis/CAMERA/ (observations, tables for pictures), tables/ladder.csv. Cameras go in turn, each on two cores, so that the
+diagnosis/CAMERA/ (observations, tables for pictures), tables/ladder.csv. Photographs of a board go the same way; points are
+all that is known of them. Cameras go in turn, each on two cores, so that the
 first verdict comes early. No Blender in the loop: the fit draws the known plates itself (scripts/gap/predict/, held to
 Blender's renders by a test).
 """
@@ -33,7 +34,7 @@ rule observe_captures:
         campaign=CAMPAIGN,
         pins=locked("numpy", "scipy", "numba", "opencv-contrib-python-headless"),
     message:
-        "Measuring the plates of {wildcards.camera} by their known codes"
+        "Measuring what {wildcards.camera} shows of its plates or board"
     script:
         "../scripts/observe_captures.py"
 
@@ -51,9 +52,10 @@ rule diagnose_camera:
         plates=f"{RESULTS}/diagnosis/{{camera}}/plates.parquet",
         fields=f"{RESULTS}/diagnosis/{{camera}}/fields.parquet",
         noise=f"{RESULTS}/diagnosis/{{camera}}/noise.parquet",
+        # of a board's photographs points are all that is known
         example=expand(
             f"{RESULTS}/diagnosis/{{{{camera}}}}/example_{{image}}.png",
-            image=["real", "configured", "explained"],
+            image=[] if BOARD else ["real", "configured", "explained"],
         ),
     log:
         f"{RESULTS}/logs/diagnose_camera/{{camera}}.log",
@@ -79,40 +81,6 @@ rule diagnose_camera:
         "What does the twin of {wildcards.camera} lack?"
     script:
         "../scripts/diagnose_camera.py"
-
-
-if BOARD:
-
-    # Hand-held photographs of one board: points are all that is known, so only what moves points can be named.
-    ruleorder: diagnose_board > diagnose_camera
-
-    rule diagnose_board:
-        input:
-            scene=f"{RESULTS}/expand/{{camera}}/scene.json",
-            tables=expand(
-                f"{RESULTS}/expand/{{{{camera}}}}/{{table}}.csv",
-                table=["cameras", "captures"],
-            ),
-            register_json=f"{RESULTS}/register/{{camera}}.json",
-            images=captures_of,
-            code=imports_of("diagnose_board.py"),
-            effect_code=code_of_effects(available_effects()),
-        output:
-            verdict=f"{RESULTS}/diagnosis/{{camera}}.json",
-            ladder=f"{RESULTS}/diagnosis/{{camera}}/ladder.csv",
-        log:
-            f"{RESULTS}/logs/diagnose_board/{{camera}}.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/diagnose_board/{{camera}}.tsv"
-        conda:
-            "../envs/twingap.yaml"
-        params:
-            campaign=campaign_folder,
-            pins=locked("numpy", "opencv-contrib-python-headless"),
-        message:
-            "What does the twin of {wildcards.camera} lack, as its board tells?"
-        script:
-            "../scripts/diagnose_board.py"
 
 
 rule make_ladder:

@@ -1,17 +1,23 @@
 """Between files and the gap library: one camera's case from the expand and register tables, its observations as npz."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from effects.base import View
+from gap.board import board_case, local_noise_px
 from gap.measure.capture import Codes, Observation, read_rgb
 from gap.problem import MARGIN_PX, Capture, Case, encoding_table
 from inputs import tables
 from inputs.images import read_image
 from inputs.scene import load_scene
-from register.registration import prior_of
+from register.board_checks import MIN_PHOTOGRAPHS
+from register.boards import LEAST_POINTS
+from register.calibration import NAMES, matrix_of
+from register.registration import NO_PRIOR, pose_from_plane, prior_of
 from rig.errors import InputError
 from rig.geometry import camera_matrix, make_pose
 
@@ -32,43 +38,95 @@ OBSERVED = (
 def load_case(expand, register_json, camera):
     """Return (Case, captures' table) of one camera, nothing measured yet.
 
-    expand is the folder of the expand tables. Raises InputError where the campaign has no markers (boards have a
-    way of their own) or the camera no intrinsics.
+    expand is the folder of the expand tables. Raises InputError where the campaign has no captures.
+    """
+    facts, captures, views = load_views(expand, register_json, camera)
+    scene = load_scene(expand)
+    lut = encoding_table(views[0].encoding, views[0].exposure)
+    codes = Codes.of(scene.plates, [scene.white, scene.black, scene.ground], lut)
+    made = [Capture(view, int(trial)) for view, trial in zip(views, captures.trial, strict=True)]
+    case = Case(facts["name"], camera, scene, codes, made, prior_of(facts["tolerance"]))
+    return case, captures
+
+
+def load_views(expand, register_json, camera):
+    """Return (facts of scene.json, captures' table of a camera, [effects.base.View] of its rows at nominal poses, NaN where
+    they are unknown); as ``load_case``.
     """
     expand = Path(expand)
     facts = json.loads((expand / "scene.json").read_text())
-    scene = load_scene(expand)
     intrinsics = json.loads(Path(register_json).read_text())
     size = tables.read_table(expand / "cameras.csv", tables.CAMERAS).set_index("camera").loc[camera]
     captures = tables.read_table(expand / "captures.csv", tables.CAPTURES)
     captures = captures[captures.camera == camera].sort_values("capture")
+    if captures.empty:
+        raise InputError(f"{expand}/captures.csv: camera {camera} has no captures; a diagnosis needs photographs")
     stations = tables.read_table(expand / "stations.csv", tables.STATIONS)
     stations = stations[stations.camera == camera].set_index("station")
     K = camera_matrix(*(float(intrinsics[k]) for k in ("fx", "fy", "cx", "cy")))
-    exposure, encoding, noise_dn = float(facts["exposure"]), facts["encoding"], float(facts["noise_dn"])
-    codes = Codes.of(scene.plates, [scene.white, scene.black, scene.ground], encoding_table(encoding, exposure))
-    made = []
+    views = []
     for row in captures.itertuples():
-        s = stations.loc[row.station]
-        T = make_pose([s.rx, s.ry, s.rz], [s.tx, s.ty, s.tz])
-        view = View(
-            K,
-            int(size.width),
-            int(size.height),
-            MARGIN_PX,
-            T,
-            camera,
-            row.capture,
-            row.station,
-            exposure,
-            encoding,
-            noise_dn,
-        )
-        made.append(Capture(view, int(row.trial)))
-    if not made:
-        raise InputError(f"{expand}/captures.csv: camera {camera} has no captures; a diagnosis needs photographs")
-    case = Case(facts["name"], camera, scene, codes, made, prior_of(facts["tolerance"]))
-    return case, captures
+        pose = stations.loc[row.station, tables.POSE].to_numpy(float)
+        T = make_pose(pose[:3], pose[3:]) if np.isfinite(pose).all() else np.full((4, 4), np.nan)
+        views.append(
+            View(
+                K, int(size.width), int(size.height), MARGIN_PX, T, camera, row.capture, row.station,
+                float(facts["exposure"]), facts["encoding"], float(facts["noise_dn"]),
+            )
+        )  # fmt: skip
+    return facts, captures, views
+
+
+def load_measured(expand, register_json, camera, observations):
+    """Return the measured problem of one camera: a gap.problem.Case, of a board a gap.board.BoardCase.
+
+    Raises ValueError where too few photographs show the board.
+    """
+    if not json.loads((Path(expand) / "scene.json").read_text())["target"]:
+        case, _ = load_case(expand, register_json, camera)
+        load_observations(observations, case)
+        return case
+    facts, captures, views = load_views(expand, register_json, camera)
+    with np.load(observations) as stored:
+        points, pixels = stored["points"], stored["pixels"]
+    sigma_pose = prior_of(facts["tolerance"])
+    seen = np.isfinite(pixels).all(2)
+    usable = seen.sum(1) >= LEAST_POINTS
+    if usable.sum() < MIN_PHOTOGRAPHS:
+        raise ValueError("too few photographs show the board: nothing could be held out")
+    if not np.isfinite([view.T_cam_world for view in views]).all():
+        sigma_pose = NO_PRIOR
+        views = [
+            replace(v, T_cam_world=pose_from_plane(points[k], xy[k], v.K) if ok else np.eye(4))
+            for v, xy, k, ok in zip(views, pixels, seen, usable, strict=True)
+        ]
+    pixels = np.where(usable[:, None, None], pixels, np.nan)
+    row = tables.read_table(Path(expand) / "cameras.csv", tables.CAMERAS).set_index("camera").loc[camera]
+    noise_px = local_noise_px(points, without_lens(pixels, register_json))
+    given = np.isfinite(row.fx), sigma_pose
+    return board_case(
+        facts["name"], camera, load_scene(expand), views, captures.trial, points, pixels, noise_px, *given
+    )
+
+
+def without_lens(pixels, register_json):
+    """Return pixels (..., 2) as a camera without distortion would have them, by the camera's calibration where it has one."""
+    fit = json.loads(Path(register_json).read_text())["calibrations"].get("5")
+    if fit is None:
+        return pixels
+    K, distortion = matrix_of(fit), np.array([fit["parameters"][k] for k in NAMES[4:9]])
+    return cv2.undistortPoints(pixels.reshape(-1, 1, 2), K, distortion, P=K).reshape(pixels.shape)
+
+
+def save_points(file, found):
+    """Write the register.boards.BoardPoints of captures, in order, to an open npz file; NaN where a point is not seen."""
+    points, index = np.unique(np.concatenate([v.board for v in found]).round(9), axis=0, return_inverse=True)
+    pixels = np.full((len(found), len(points), 2), np.nan)
+    first = 0
+    for k, view in enumerate(found):
+        pixels[k, index.ravel()[first : first + len(view.image)]] = view.image
+        first += len(view.image)
+    np.savez_compressed(file, points=points, pixels=pixels)
 
 
 def read_capture(campaign, image):

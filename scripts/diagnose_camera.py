@@ -1,7 +1,8 @@
 """Diagnose: from the twin as configured to the verdict: select effects, say what is confused, where the gap lives, what to do.
 
 Makes diagnosis/CAMERA.json, the camera's ladder (held-out errors of every twin on the way), and the tables behind the
-pictures: gaps of every plate, level and noise feature for the first and the last twin.
+pictures: gaps of every plate, level and noise feature for the first and the last twin. Of photographs of a board, whose points
+are all that is known, only effects that move points compete, and no pictures are drawn.
 """
 
 import json
@@ -18,9 +19,10 @@ import numpy as np
 import pandas as pd
 
 import job
-from case_files import load_case, load_observations, read_capture
+from case_files import load_measured, read_capture
 from effects.contract import available_effects
 from gap import ladder
+from gap.board import scales_alone, seen_by_points
 from gap.next_station import suggested_station
 from gap.residuals import flatten
 from gap.score import gap_error, group_gaps, overall_gap
@@ -33,6 +35,9 @@ from outcome_store import OutcomeStore
 
 log = logging.getLogger("twingap")
 MAX_PLACES, MAX_LEFT = 8, 5
+IN_THE_TWIN = "in the twin already"
+ONLY_POINTS = "board photographs show no known levels, light or stations"
+WITH_ALL = "intrinsics are unknown: fitted with everything"
 
 
 def step_records(steps, base, floors):
@@ -72,8 +77,11 @@ def ranked(candidates, floors):
     ]
 
 
-def verdict_record(base, first, outcome):
-    """Return what the result file says of an Outcome that started from a base Twin and its first candidates."""
+def verdict_record(base, first, outcome, nuisances=()):
+    """Return what the result file says of an Outcome that started from a base Twin and its first candidates.
+
+    ``nuisances`` are the names of effects that are fitted in every twin, and are no part of it as configured.
+    """
     twin = outcome.twin
     return {
         "verdict": outcome.verdict,
@@ -81,7 +89,7 @@ def verdict_record(base, first, outcome):
         "gap_se": twin.gap_se,
         "gap_as_configured": overall_gap(base.groups, twin.floors),
         "groups": group_gaps(twin.groups, twin.floors),
-        "configured": [{"effect": n, "parameters": p} for n, p in base.effects],
+        "configured": [{"effect": n, "parameters": p} for n, p in base.effects if n not in nuisances],
         "steps": step_records(outcome.steps, base, twin.floors),
         "candidates": ranked(first, twin.floors),
         "candidates_left": ranked(outcome.left, twin.floors)[:MAX_LEFT],
@@ -115,41 +123,50 @@ def diagnose_camera(
     depend on besides are the measurements and the files of ``code`` and ``effect_code``.
     """
     expand, out_gaps = Path(expand), Path(out_gaps)
-    case, _ = load_case(expand, register_json, camera)
-    load_observations(observations, case)
     configured = [(n, p) for n, p in effects]
     fixed = {(n, k) for n, p in configured for k in p} - {(n, k) for n, k in free}
     store = stored_outcomes(kept, [*code, *effect_code, observations, register_json], expand, (camera, sorted(fixed)))
     try:
+        case = load_measured(expand, register_json, camera, observations)
+        competing, not_looked_at = looked_at(case, candidates)
         search, base, first, outcome = verdict(
-            case, configured, candidates, fixed, budget, threads, teller(camera), store
+            case, configured, competing, fixed, budget, threads, teller(camera), store
         )
         store.drop_unused()
     except ValueError as why:
-        return _write_undiagnosed(expand, camera, str(why), out, out_ladder, out_gaps)
+        return _write_undiagnosed(
+            json.loads((expand / "scene.json").read_text()), camera, str(why), out, out_ladder, out_gaps
+        )
     twin = outcome.twin
     everything = sorted(search.train + search.test)
     before, after = (tables_of(search.solver, t, everything) for t in (base, twin))
     train = [case.captures[i].view.capture for i in search.train]
     write_gaps(before, after, train, out_gaps)
     at_fault = after if outcome.verdict == "unexplained" else before
-    known = set(base.names)
+    nuisances = dict(case.nuisances)
     result = {
         "campaign": case.campaign,
         "camera": camera,
-        "not_looked_at": {n: "in the twin already" for n in candidates if n in known},
+        "not_looked_at": not_looked_at | {n: IN_THE_TWIN for n in competing if n in base.names and n not in nuisances},
         "where": explained_shares(at_fault["plates"], train)[:MAX_PLACES],
-        "suggested_station": suggestion(case, outcome.steps),
+        "suggested_station": suggestion(case, outcome.steps) if case.draws else None,
         "held_out": [case.captures[i].view.capture for i in search.test],
-    } | verdict_record(base, first, outcome)
+    } | verdict_record(base, first, outcome, nuisances)
+    if nuisances:
+        result["nuisances"] = {n: p for n, p in twin.effects if n in nuisances}
+    if not case.draws:
+        result["floor"] = {"corners_px": case.noise_px} | twin.floors
     with job.write_atomically(out) as file:
         json.dump(job.clean(result), file, indent=1, sort_keys=True)
-    images = _images(expand, campaign, camera, case, search.test)
-    rows = ladder.rungs(search.solver, ladder_twins(base, outcome.steps), images, twin.floors)
+    images = _images(expand, campaign, camera, case, search.test) if case.draws else {}
+    rows = ladder.rungs(
+        search.solver, ladder_twins(base, outcome.steps, len(nuisances)), search.test, images, twin.floors
+    )
     with job.write_atomically(out_ladder) as file:
         pd.DataFrame(rows).assign(camera=camera).to_csv(file, index=False, lineterminator="\n")
-    worst = max(search.test, key=lambda i: np.mean(flatten(base.groups[i]) ** 2))
-    write_example(search.solver, worst, images[worst], (base, twin), out_gaps)
+    if case.draws:
+        worst = max(search.test, key=lambda i: np.mean(flatten(base.groups[i]) ** 2))
+        write_example(search.solver, worst, images[worst], (base, twin), out_gaps)
     log.info("%s: %s; gap %.2f -> %.2f floors", camera, outcome.verdict, result["gap_as_configured"], twin.gap)
 
 
@@ -174,10 +191,23 @@ def stored_outcomes(folder, files, expand, facts):
     return OutcomeStore(folder, map(Path, shared), (facts, versions), of_effects)
 
 
-def ladder_twins(base, steps):
-    """Return [(effect, effects, poses)] of the ladder: the ideal twin, the effects as configured one by one, the steps."""
-    twins = [("ideal", [], base.poses)]
-    for k, (name, _) in enumerate(base.effects):
+def looked_at(case, candidates):
+    """Return (names of the candidates that can compete, {name: why it does not} of the others)."""
+    if case.draws:
+        return candidates, {}
+    seen = seen_by_points(candidates)
+    fitted = {n for n in seen if case.nuisances and scales_alone(n)}
+    why = {n: WITH_ALL if n in fitted else ONLY_POINTS for n in candidates if n not in seen or n in fitted}
+    return [n for n in candidates if n not in why], why
+
+
+def ladder_twins(base, steps, ideal=0):
+    """Return [(effect, effects, poses)] of the ladder: the ideal twin, the effects as configured one by one, the steps.
+
+    The first ``ideal`` effects of the base are fitted in every twin.
+    """
+    twins = [("ideal", list(base.effects[:ideal]), base.poses)]
+    for k, (name, _) in enumerate(base.effects[ideal:], ideal):
         twins.append((name, list(base.effects[: k + 1]), base.poses))
     return twins + [(s.effect, list(s.twin.effects), s.twin.poses) for s in steps]
 
@@ -241,8 +271,7 @@ def suggestion(case, steps):
     return None
 
 
-def _write_undiagnosed(expand, camera, why, out, out_ladder, out_gaps):
-    facts = json.loads((Path(expand) / "scene.json").read_text())
+def _write_undiagnosed(facts, camera, why, out, out_ladder, out_gaps):
     result = {
         "campaign": facts["name"], "camera": camera, "verdict": "unexplained", "why": why, "steps": [],
         "candidates": [], "where": [], "floor": {}, "suggested_station": None, "gap": None,
@@ -252,7 +281,7 @@ def _write_undiagnosed(expand, camera, why, out, out_ladder, out_gaps):
     with job.write_atomically(out_ladder) as file:
         pd.DataFrame(columns=[*ladder.COLUMNS, "camera"]).to_csv(file, index=False, lineterminator="\n")
     out_gaps.mkdir(parents=True, exist_ok=True)
-    for name in EXAMPLES:
+    for name in () if facts["target"] else EXAMPLES:
         with job.write_atomically(out_gaps / f"example_{name}.png", "wb") as file:
             file.write(cv2.imencode(".png", np.zeros((8, 8), np.uint8))[1].tobytes())
     for name in ("plates", "fields", "noise"):

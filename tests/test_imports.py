@@ -101,7 +101,7 @@ def test_an_effects_edit_reruns_a_boards_verdict(project, module):
     assert plan.pop("explore_camera") == 2
     assert plan.pop("build_explorer") == 1
     assert plan.pop("draw_board_example") == 2
-    assert plan == {"diagnose_board": 2, "make_ladder": 1, "run_diagnosis": 1, "build_report": 1}
+    assert plan == {"diagnose_camera": 2, "make_ladder": 1, "run_diagnosis": 1, "build_report": 1}
 
 
 def test_an_effects_edit_reruns_the_verdict_on_markers_and_no_twin(project):

@@ -13,7 +13,7 @@ import numpy as np
 
 from effects.base import PARTS
 from effects.encoding import encode, encode_with_noise, mean_of_clipped
-from effects.library import acting, effect_named, nulls_of, place_of, spreads_light
+from effects.library import acting, effect_named, moves_points, nulls_of, place_of, spreads_light
 from effects.resampling import fine_map, sample
 from rig.errors import InputError
 
@@ -58,6 +58,11 @@ def scene_with_effects(scene, chosen):
     for module, p in active(chosen, "change_scene"):
         scene = module.change_scene(scene, p)
     return scene
+
+
+def has_geometry(chosen):
+    """Return whether any of the effects moves image points."""
+    return any(moves_points(name) for name, _ in chosen)
 
 
 def is_chromatic(chosen):

@@ -3,8 +3,6 @@
 import numpy as np
 
 from effects import library
-from gap.measure.capture import states_at
-from gap.measure.plate import N_FEATURES, N_STATE, STATE_FEATURES
 from gap.parameters import get_parameter, image_step, is_geometric, small_step, with_parameters
 
 POSE_STEP = np.array([1e-5] * 3 + [1e-5] * 3)  # radians, metres
@@ -50,29 +48,27 @@ class Derivatives:
         return J
 
     def corners_by_pose(self, i, effects, pose):
-        """Return d corners / d pose (p, 8, 6) of the plates that were measured in capture i."""
+        """Return d corners / d pose (p, 8 of a plate, 6) of the plates that were measured in capture i."""
         plates, capture = self.whiteners[i].plates, self.problem.captures[i]
         columns = []
         for step, h in zip(np.diag(POSE_STEP), POSE_STEP, strict=True):
-            high, low = (
-                self.problem.corners_of(capture, effects, pose + s * step).reshape(-1, 8)[plates] for s in (1, -1)
-            )
+            high, low = (flat(self.problem.corners_of(capture, effects, pose + s * step))[plates] for s in (1, -1))
             columns.append((high - low) / (2 * h))
         return np.nan_to_num(np.stack(columns, axis=-1))
 
     def corners_by_parameters(self, i, effects, free, pose):
         """Return d corners / d geometric parameters ``free`` (p, 8, k) of the plates that were measured in capture i."""
-        return self._states_by(i, effects, free, pose)[self.whiteners[i].plates, :8]
+        return self._states_by(i, effects, free, pose)[self.whiteners[i].plates, : self.problem.corner_numbers]
 
     def _states_by(self, i, effects, free, pose):
         """Return d states / d geometric parameters ``free`` (p, 14, k) of capture i, 0 where a plate is out of sight."""
-        capture = self.problem.captures[i]
-        out = np.zeros((len(self.problem.codes.half_code), N_STATE, len(free)))
+        capture, n = self.problem.captures[i], self.problem.corner_numbers
+        out = np.zeros((len(capture.observation.features), len(self.problem.state_features), len(free)))
         moving = [k for k, (name, _) in enumerate(free) if library.moves_points(name)]
         if moving:
             steps = [small_step(free[k]) for k in moving]
             moves = self.problem.corners_by_parameters(capture, effects, pose, [free[k] for k in moving], steps)
-            out[:, :8, moving] = moves.reshape(len(out), 8, -1)
+            out[:, :n, moving] = moves.reshape(len(out), n, -1)
         for k in sorted(set(range(len(free))) - set(moving)):
             value, h = get_parameter(effects, free[k]), small_step(free[k])
             high, low = (self._states(i, with_parameters(effects, [free[k]], [value + s * h]), pose) for s in (1, -1))
@@ -90,13 +86,18 @@ class Derivatives:
 
     def _states(self, i, effects, pose):
         exact = self.problem.corners_of(self.problem.captures[i], effects, pose)
-        return states_at(exact, self.problem.codes, self.problem.rims_of(effects))
+        return self.problem.states(exact, effects)
 
     def _whitened_states(self, i, effects, pose, change):
         """Return the whitened change (n, m) of all residuals where plates' states change by (p, 14, m)."""
         plates = self.whiteners[i].plates
         measured = self.predictor.predict(i, effects, pose).measured[plates]
-        features = np.zeros((len(plates), N_FEATURES, change.shape[2]))
-        features[:, STATE_FEATURES] = np.nan_to_num(change[plates])
+        features = np.zeros((len(plates), self.problem.captures[i].observation.features.shape[1], change.shape[2]))
+        features[:, self.problem.state_features] = np.nan_to_num(change[plates])
         features[~measured] = 0
         return self.whiteners[i].whitened_features(features)
+
+
+def flat(corners):
+    """Return corners (p, c, 2) as (p, 2 c)."""
+    return corners.reshape(len(corners), -1)

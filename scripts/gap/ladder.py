@@ -21,20 +21,22 @@ COLUMNS = (
 RESAMPLES = 400
 
 
-def rungs(solver, twins, images, floors):
-    """Return one dict a twin [(effect, effects, poses to start from)]: held-out errors, their floors and 95 % intervals.
+def rungs(solver, twins, indices, images, floors):
+    """Return one dict a twin [(effect, effects, poses to start from)]: errors of held-out captures, floors, 95 % intervals.
 
-    images {capture index: real image (H, W, C), red first, grey levels}.
+    images {capture index: real image (H, W, C), red first, grey levels}; empty where points are all that is compared.
     """
     case = solver.problem
-    finder = case.finder()
+    finder = case.finder() if images else None
     real = {i: finder.find(images[i]) for i in images}
     rows, control = [], None
     for step, (effect, effects, poses) in reversed(list(enumerate(twins))):
-        poses, groups = solver.score(effects, poses, list(images))
-        parts = {i: capture_errors(solver, finder, effects, poses[i], i, images[i], real[i], groups[i]) for i in images}
+        poses, groups = solver.score(effects, poses, indices)
+        parts = {i: corner_errors(solver, effects, poses[i], i) | {"groups": groups[i]} for i in indices}
+        for i in images:
+            parts[i] |= capture_errors(solver, finder, effects, poses[i], i, images[i], real[i])
         if control is None:  # the last twin: what a re-noised copy of it differs by from itself
-            control = control_errors(solver, finder, effects, poses, images, floors)
+            control = control_errors(solver, finder, effects, poses, indices, images, floors)
         row = {"step": step, "effect": effect}
         row |= {m: summary(parts, m, floors) for m in MEASURES}
         row |= {f"{m}_floor": control[m] for m in MEASURES}
@@ -44,13 +46,17 @@ def rungs(solver, twins, images, floors):
     return sorted(rows, key=lambda r: r["step"])
 
 
-def capture_errors(solver, finder, effects, delta, i, image, real, groups):
-    """Return the raw errors of one held-out capture under a twin."""
+def corner_errors(solver, effects, delta, i):
+    """Return {"corners": squared lengths (n,), px^2} by which a twin's corners lie off one held-out capture's."""
+    prediction, o = solver.predictor.predict(i, effects, delta), solver.problem.captures[i].observation
+    both = np.flatnonzero(o.measured & prediction.measured)
+    off = o.corners[both] - prediction.corners_of(both)
+    return {"corners": (off.reshape(-1, 2) ** 2).sum(1)}
+
+
+def capture_errors(solver, finder, effects, delta, i, image, real):
+    """Return the raw errors of one held-out capture's image under a twin."""
     case, capture = solver.problem, solver.problem.captures[i]
-    prediction = solver.predictor.predict(i, effects, delta)
-    o = capture.observation
-    both = o.measured & prediction.measured
-    corners = (o.features[both, :8] - prediction.features[both, :8]).reshape(-1, 2)
     radiance = case.radiance_of(capture, effects, delta)
     expected = case.image_of(radiance, capture, effects, delta)
     rng = np.random.default_rng(seed_of(case.campaign, case.camera, capture.view.capture, "ladder"))
@@ -59,16 +65,14 @@ def capture_errors(solver, finder, effects, delta, i, image, real, groups):
     truth = case.corners_of(capture, effects, delta)
     available = wholly_inside(truth, capture.view.width, capture.view.height, border=0.0)
     return {
-        "corners": (corners**2).sum(1),
         "intensity": ((image.mean(axis=2) - expected.mean(axis=2)) ** 2).mean(),
-        "groups": groups,
         **finder.compare(real, twin, available),
     }
 
 
-def control_errors(solver, finder, effects, poses, images, floors):
+def control_errors(solver, finder, effects, poses, indices, images, floors):
     """Return the floor of each measure: noise of the corners and levels, and a twin against its re-noised self."""
-    case, compared, corner, level = solver.problem, {}, [], []
+    case, compared = solver.problem, {}
     for i in images:
         capture = case.captures[i]
         radiance = case.radiance_of(capture, effects, poses[i])
@@ -78,16 +82,10 @@ def control_errors(solver, finder, effects, poses, images, floors):
             pair.append(finder.find(case.image_of(radiance, capture, effects, poses[i], rng)))
         truth = case.corners_of(capture, effects, poses[i])
         available = wholly_inside(truth, capture.view.width, capture.view.height, border=0.0)
-        compared[i] = finder.compare(*pair, available)
-        sd = solver.whiteners[i].feature_sd
-        if len(sd):
-            corner.append((sd[:, :8] ** 2).reshape(-1, 2).sum(1))
-        level.append(capture.noise_variance)
-    out = {m: summary(compared, m, floors) for m in MEASURES[2:5]}
-    out["corner_rmse_px"] = (
-        float(np.sqrt(np.concatenate(corner).mean()) * floors.get("corners", 1.0)) if corner else None
-    )
-    out["intensity_rmse_dn"] = float(np.sqrt(np.mean(level)))
+        compared[i] = finder.compare(*pair, available) | {"intensity": capture.noise_variance}
+    out = {m: summary(compared, m, floors) for m in MEASURES[1:5]}
+    corner = [(solver.whiteners[i].feature_sd[:, :8] ** 2).reshape(-1, 2).sum(1) for i in indices]
+    out["corner_rmse_px"] = float(np.sqrt(np.concatenate(corner).mean()) * floors.get("corners", 1.0))
     out["gap"] = 1.0
     return out
 
@@ -100,6 +98,8 @@ def summary(parts, measure, floors):
     if measure == "corner_rmse_px":
         values = np.concatenate([p["corners"] for p in parts])
         return float(np.sqrt(values.mean())) if len(values) else float("nan")
+    if not parts or "intensity" not in parts[0]:
+        return float("nan")
     if measure == "intensity_rmse_dn":
         return float(np.sqrt(np.mean([p["intensity"] for p in parts])))
     if measure == "detection_disagreement_pct":

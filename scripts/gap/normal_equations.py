@@ -5,7 +5,7 @@ Derivatives are {capture index: (Jt, Jp)}: of the whitened prediction by k free 
 
 import numpy as np
 
-from gap.residuals import FEATURE_FLOOR, GROUPS, NU, flatten
+from gap.residuals import GROUPS, NU, flatten
 
 SHARED = 0.25  # of the features' floors, what all plates of all captures may have in common
 TELLING = 0.25  # squared standard errors from which a step corrects derivatives
@@ -59,7 +59,7 @@ def errors_of(covariance, derivatives, groups, precision, whiteners):
         scattered = each * scatter_of(groups[i])[:, None]
         single = single + scattered.T @ scattered
         gradients.append(each.T @ y)
-        floors = np.tile(SHARED * np.diag(FEATURE_FLOOR), (len(w.plates), 1, 1))
+        floors = np.tile(SHARED * np.diag(w.floor), (len(w.plates), 1, 1))
         shared = shared + response(y, Jt, Jp, w.whitened_features(floors))
     g = np.array(gradients) - np.mean(gradients, axis=0)
     together = g.T @ g * len(g) / max(len(g) - 1, 1)

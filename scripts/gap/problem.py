@@ -16,7 +16,10 @@ from gap.measure.places import (
     follow_neighbours,
     wholly_inside,
 )
+from gap.measure.plate import STATE_FEATURES
+from gap.predict.predictor import Predictor
 from gap.predict.synthesis import Prints, coverages, ground_points, is_lit, shade
+from gap.split import MOST_CAPTURES
 from rig.geometry import perturb_pose, project
 
 SCENES_KEPT = 64
@@ -70,6 +73,12 @@ class Case:
     codes: Codes
     captures: list
     sigma_pose: np.ndarray
+    corner_numbers = 8  # of a plate: x and y of its code's corners, the first of its states and features
+    state_features = STATE_FEATURES
+    nuisances = ()  # effects [(name, parameters)] that every twin has: fitted, never named nor taken out
+    most_captures = MOST_CAPTURES  # that are fitted, and as many that are held out
+    draws = True  # images of its captures, which is what takes time
+    floor_within = 1.0  # factor to which the floor is known
     _scenes: dict = field(default_factory=dict)
     _prints: list = field(default_factory=list)
     _geometry: dict = field(default_factory=dict)
@@ -106,6 +115,14 @@ class Case:
         code, plate = np.array([(p.x_m[-2], p.x_m[-1]) for p in plates]).T
         return plate / code * self.codes.half_code - self.codes.half_plate
 
+    def predictor(self, noise_of=()):
+        """Return what predicts the captures; noise is compared in the captures ``noise_of`` alone."""
+        return Predictor(self, noise_of)
+
+    def states(self, corners, effects):
+        """Return the states (p, 14) from which plates with corners (p, 4, 2) are measured; features 0 to 7 come first."""
+        return states_at(corners, self.codes, self.rims_of(effects))
+
     def _prints_of(self, scene):
         """Return the Prints of a scene, the same ones while only its light changes."""
         for plates, ink_spread_m, prints in self._prints:
@@ -125,7 +142,7 @@ class Case:
         view = _moved(scene, capture.view, delta)
         world = corners if points is None else points
         pixels = project(view.K, view.T_cam_world, world)
-        if has_geometry(effects):
+        if pipeline.has_geometry(effects):
             flat = pixels.reshape(-1, 2)
             ok = np.isfinite(flat).all(1)
             out = np.full_like(flat, np.nan)
@@ -154,7 +171,7 @@ class Case:
         planes = []
         for channel in channels:
             mapping = None
-            if has_geometry(effects):
+            if pipeline.has_geometry(effects):
 
                 def mapping(xy, channel=channel):
                     return pipeline.map_points(xy, view, effects, channel)
@@ -188,6 +205,11 @@ class Case:
             image = np.clip(np.rint(pipeline.photometric(radiance, view, left, rng)), 0, 255)
         m = view.margin
         return image[m : m + view.height, m : m + view.width]
+
+    def places(self):
+        """Return (names, centres (p, 3), normals (p, 3)) of the nominal plates, metres."""
+        T = np.array([plate.T_world_plate for plate in self.scene.plates])
+        return [plate.name for plate in self.scene.plates], T[:, :3, 3], T[:, :3, 2]
 
     def finder(self):
         """Return the Finder of the rig's codes."""
@@ -239,11 +261,6 @@ class Case:
 
 def _moved(scene, view, delta):
     return replace(view, T_cam_world=scene.T_cam_mount @ perturb_pose(view.T_cam_world, delta))
-
-
-def has_geometry(effects):
-    """Return whether any of the effects moves image points."""
-    return any(library.moves_points(name) for name, _ in effects)
 
 
 def printed_plates(scene):

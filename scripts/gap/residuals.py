@@ -2,13 +2,11 @@
 
 import numpy as np
 
-from gap.measure.capture import N_COLOUR
-from gap.measure.plate import N_FEATURES
-
 NU = 8.0  # robust log(1 + y^2 / nu): quadratic for noise, forgiving for a bad plate
 # Standard deviations below which no difference counts: synthesis against an ideal camera's image
 FEATURE_FLOOR = np.array([0.006] * 8 + [0.15] * 3 + [0.15] * 2 + [0.012] * 3 + [0.004, 0.005, 0.006])
 FEATURE_GROUPS = {"corners": slice(0, 8), "levels": slice(8, 13), "edges": slice(13, 19)}
+OF_COLOUR = [8, 9, 10, 0, 1] * 2  # the features whose deviations a colour's have at least
 LEVELS = slice(8, 11)  # white, black and ground among the features
 COLOUR_FLOOR = np.array([0.15, 0.15, 0.15, 0.006, 0.006] * 2)
 FIELD_FLOOR_DN = 0.12
@@ -40,18 +38,16 @@ class Whitener:
         self.plates = np.flatnonzero(o.measured)
         s2 = capture.noise_variance
         info = o.information[self.plates]
-        covariance = np.linalg.inv(info) * s2 if len(info) else np.zeros((0, N_FEATURES, N_FEATURES))
-        rounding = np.zeros(len(FEATURE_FLOOR))
+        covariance = np.linalg.inv(info) * s2
+        self.floor = FEATURE_FLOOR[: info.shape[1]]
+        rounding = np.zeros(len(self.floor))
         rounding[LEVELS] = rounding_variance(s2)
-        covariance = covariance + np.diag(FEATURE_FLOOR**2 + rounding)
-        self.lower_inverse = np.linalg.inv(np.linalg.cholesky(covariance)) if len(info) else covariance
-        corner_covariance = covariance[:, :8, :8]
-        self.corner_inverse = np.linalg.inv(np.linalg.cholesky(corner_covariance)) if len(info) else corner_covariance
-        sd = np.sqrt(np.array([np.diag(c) for c in covariance])).reshape(-1, N_FEATURES)
-        self.feature_sd = sd
-        self.colour_sd = np.hypot(
-            np.concatenate([sd[:, 8:11], sd[:, [0, 1]], sd[:, 8:11], sd[:, [0, 1]]], axis=1), COLOUR_FLOOR
-        )
+        covariance = covariance + np.diag(self.floor**2 + rounding)
+        self.lower_inverse = np.linalg.inv(np.linalg.cholesky(covariance))
+        self.corner_inverse = np.linalg.inv(np.linalg.cholesky(covariance[:, :8, :8]))
+        self.feature_sd = sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        colours = o.colour.shape[1]
+        self.colour_sd = np.hypot(sd[:, OF_COLOUR[:colours]], COLOUR_FLOOR[:colours])
         with np.errstate(divide="ignore"):
             self.field_sd = np.sqrt(s2 / np.maximum(o.field_n, 1) + FIELD_FLOOR_DN**2 + rounding_variance(s2))
         self.noise_sd = np.sqrt(2 * o.noise_se**2 + NOISE_FLOOR**2)  # the twin's is drawn as well
@@ -85,7 +81,7 @@ class Whitener:
     def whitened_features(self, change):
         """Return what ``whitened`` does (n, m) where plates' features change by (plates that were measured, 19, m) alone."""
         y = np.einsum("pij,pjm->pim", self.lower_inverse, change)
-        rest = len(self.plates) * N_COLOUR + len(self.field_sd) + (len(self.noise_sd) if self.with_noise else 0) + 6
+        rest = self.colour_sd.size + len(self.field_sd) + (len(self.noise_sd) if self.with_noise else 0) + 6
         parts = [y[:, part].reshape(-1, change.shape[2]) for part in FEATURE_GROUPS.values()]
         return np.concatenate([*parts, np.zeros((rest, change.shape[2]))])
 

@@ -52,7 +52,7 @@ class Search:
     def __init__(self, problem, candidates=None, fixed=(), split=None, threads=1, store=None):
         self.problem, self.store = problem, store
         train, test = split or split_by_station(problem)
-        self.train, self.test = thinned(usable(train, problem)), thinned(usable(test, problem))
+        self.train, self.test = (thinned(usable(half, problem), problem.most_captures) for half in (train, test))
         self.solver = Solver(problem, probes(self.train) + probes(self.test), threads)
         self.candidates = list(candidates or library.available_effects())
         self.fixed = frozenset(fixed)
@@ -82,8 +82,8 @@ class Search:
         return spec(parameter).discrete and self.problem.shows(parameter[0])
 
     def is_fixed(self, name):
-        """Return whether the user wrote some value of an effect."""
-        return any(effect == name for effect, _ in self.fixed)
+        """Return whether an effect stays: every twin of the problem has it, or the user wrote some value of it."""
+        return name in dict(self.problem.nuisances) or any(effect == name for effect, _ in self.fixed)
 
     # -- twins --------------------------------------------------------------------------------------------------------
 
@@ -262,6 +262,7 @@ class Search:
         start = self._start(twin, effect, free, lead)
         if start is None:
             return self.null_candidate(twin, effect)
+        beside = beside if self.problem.draws else self.free(twin.effects)  # what costs nothing is always refitted
         free += beside
         fit = self.solver.fit(start, free, twin.poses, self.train, iterations=9, scale=SCALE_FROM_START)
         chosen = self.discrete.with_choices(effect, fit.state)

@@ -57,7 +57,7 @@ class Outcome:
 
     @property
     def is_closed(self):
-        """Whether the gap itself is at the floor, not only most of it gone."""
+        """Whether the gap itself is at the floor as it is estimated, not only most of it gone."""
         return verdict_of(self.steps, self.twin) != "unexplained"
 
 
@@ -72,7 +72,7 @@ def verdict(problem, effects=(), candidates=None, fixed=(), budget=BUDGET, threa
     search = Search(problem, candidates, fixed, threads=threads, store=store)
     if search.why_unusable():
         raise ValueError(search.why_unusable())
-    base = search.fitted(list(effects))
+    base = search.fitted([e for e in problem.nuisances if e[0] not in dict(effects)] + list(effects))
     rigid = [n for n in search.candidates if not is_flexible(n) and n not in base.names]
     first, gains = try_promising(search, base, rigid, MAX_TRIED)
     first += [search.null_candidate(base, n) for n in search.candidates if is_flexible(n) and n not in base.names]
@@ -120,6 +120,8 @@ def concluded(selection, base, first):
     observables in which it gained most, a good share of it all, what helped is a patch on something else: it gets no name.
     """
     before = base.excess
+    if selection.search.problem.floor_within > 1 and is_at_floor(base):  # as good as no repeats can tell
+        return outcome_of(selection.search.problem, (), rank(first), base, before)
     rigid = [c for c in first if not is_flexible(c.effect)]
     ways = [c for c in rank(rigid) if is_missing(c, before)][:FIRST_STEPS]
     best = path(selection, base, rigid, before)
@@ -135,8 +137,8 @@ def concluded(selection, base, first):
     if best.verdict == "unexplained" and not selection.is_spent():
         best = _with_flexible(selection, base, first, best, before)
     patched = not any(_closes_a_good_share(best.twin, step.main_group, before) for step in best.steps)
-    if best.verdict == "unexplained" and best.share_left > HARDLY_CLOSED and patched:
-        best = Outcome((), tuple(rank(first)), base, "unexplained", 1.0)
+    if not best.is_closed and best.share_left > HARDLY_CLOSED and patched:
+        best = outcome_of(selection.search.problem, (), rank(first), base, before)
     return replace(
         best,
         steps=tuple(
@@ -175,13 +177,14 @@ def path(selection, base, first, before, start_with=None, taken=()):
         if not selection.is_new(twin.names):
             break
         candidates, gains = try_beside_others(search, twin, names, gains)
-    return outcome_of(steps, rank(candidates), twin, before)
+    return outcome_of(search.problem, steps, rank(candidates), twin, before)
 
 
-def outcome_of(steps, left, twin, before):
-    """Return the Outcome of steps that led to a twin; ``before`` is the first excess {group: loss}."""
+def outcome_of(problem, steps, left, twin, before):
+    """Return the Outcome of steps that led to a twin of a problem; ``before`` is the first excess {group: loss}."""
     share = sum(twin.excess.values()) / max(sum(before.values()), 1.0)
-    return Outcome(tuple(steps), tuple(left), twin, verdict_of(steps, twin, share), share)
+    verdict = verdict_of(steps, twin, share, problem.floor_within)
+    return Outcome(tuple(steps), tuple(left), twin, verdict, share)
 
 
 def _without_unneeded(search, twin, new, steps):
@@ -244,7 +247,7 @@ def _retraced(search, base, outcome, without, before):
             twin = search.fitted([*twin.effects, (step.effect, found[step.effect])], twin.poses)
             steps.append(replace(step, twin=twin))
     left = rank([*outcome.left, *(search.null_candidate(twin, name) for name in without)])
-    return outcome_of(steps, left, twin, before)
+    return outcome_of(search.problem, steps, left, twin, before)
 
 
 # -- candidates -----------------------------------------------------------------------------------------------------
@@ -278,7 +281,7 @@ def _fitted_ones(search, twin, by_group, most, beside, tried):
     alone = twin.names and not any(gains[n] >= RIVALS * gains[promising[0]] for n in promising[1:])
     for name in promising:
         lead = next((c for c in rank(tried.values()) if is_missing(c, twin.excess)), None)
-        least = RIVALS if lead else MIN_SHARE_OF_BEST
+        least = RIVALS if lead and search.problem.draws else MIN_SHARE_OF_BEST
         if name in tried or gains[name] < least * gains[promising[0]]:
             continue
         if alone and name == promising[0] and not is_flexible(name):
@@ -332,7 +335,7 @@ def is_enough(by_group, gain, least, excess):
     """
     if gain > MIN_SHARE * sum(excess.values()):
         return True
-    return any(g > max(least, MIN_SHARE_OF_GROUP * excess[name]) for name, g in by_group.items())
+    return any(g > max(least, MIN_SHARE_OF_GROUP * excess.get(name, 0.0)) for name, g in by_group.items())
 
 
 def confused_with(problem, best, candidates):
@@ -365,13 +368,17 @@ def _closes_a_good_share(twin, group, before):
     return before[group] > MIN_SHARE * sum(before.values()) and not _is_open(twin, group, before)
 
 
-def verdict_of(steps, twin, share_left=1.0):
+def verdict_of(steps, twin, share_left=1.0, floor_within=1.0):
     """Return ``adequate``, ``explained`` or ``unexplained`` from the steps taken and the gap that is left.
 
     A gap that captures disagree about is no smaller for that: the error is allowed for up to ``MAX_ALLOWANCE`` only.
     ``share_left`` is what was left of the first excess: effects have the right name before they have the last form.
+    ``floor_within`` is the factor to which the floor is known.
     """
     nearly_closed = steps and share_left < CLOSED and twin.gap < MAX_CLOSED_GAP
-    if twin.gap - min(2 * np.nan_to_num(twin.gap_se), MAX_ALLOWANCE) > MAX_FLOOR_GAP and not nearly_closed:
+    if (
+        twin.gap - min(2 * np.nan_to_num(twin.gap_se), MAX_ALLOWANCE) > MAX_FLOOR_GAP * floor_within
+        and not nearly_closed
+    ):
         return "unexplained"
     return "explained" if steps else "adequate"

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gap.derivatives import Derivatives
+from gap.derivatives import Derivatives, flat
 from gap.normal_equations import errors_of, normal_equations, updated
 from gap.parameters import (
     bounds_of,
@@ -21,7 +21,6 @@ from gap.parameters import (
     priors_of,
     with_parameters,
 )
-from gap.predict.predictor import Predictor
 from gap.residuals import NU, Whitener, total, width_of
 
 STILL_FAR = 0.1  # share of its loss above which a step says that the next one gains as well
@@ -61,7 +60,7 @@ class Solver:
     def __init__(self, problem, noise_of=(), threads=1):
         """Noise is compared in the captures ``noise_of`` alone."""
         self.problem = problem
-        self.predictor = Predictor(problem, noise_of)
+        self.predictor = problem.predictor(noise_of)
         self.whiteners = [Whitener(c, i in self.predictor.noise_of) for i, c in enumerate(problem.captures)]
         self.prior = np.where(np.isfinite(problem.sigma_pose), 1 / problem.sigma_pose**2, 0.0)
         self.derivatives_of = Derivatives(problem, self.predictor, self.whiteners, self.prior)
@@ -77,8 +76,8 @@ class Solver:
     def corner_residuals(self, i, effects, delta, offset):
         """Return whitened corner residuals (p, 8) of capture i from exact point maps."""
         capture, w = self.problem.captures[i], self.whiteners[i]
-        exact = self.problem.corners_of(capture, effects, delta).reshape(-1, 8)
-        e = capture.observation.features[w.plates, :8] - exact[w.plates] - offset[w.plates]
+        exact = flat(self.problem.corners_of(capture, effects, delta))
+        e = capture.observation.features[w.plates, : exact.shape[1]] - exact[w.plates] - offset[w.plates]
         return np.einsum("pij,pj->pi", w.corner_inverse, np.nan_to_num(e, nan=50.0))
 
     def fit_geometry(self, effects, free, poses, offsets, train, scale=1.0, iterations=8):
@@ -163,14 +162,16 @@ class Solver:
 
     def no_offsets(self):
         """Return the ``offsets_of`` of a twin whose corners are measured where they are."""
-        return [np.zeros((len(self.problem.codes.half_code), 8)) for _ in self.problem.captures]
+        n = self.problem.corner_numbers
+        return [np.zeros((len(c.observation.features), n)) for c in self.problem.captures]
 
     def offsets_of(self, effects, poses, indices):
         """Return measured minus exact corners of the twin itself, a list over captures of (p, 8)."""
         offsets = self.no_offsets()
         for i in indices:
-            exact = self.problem.corners_of(self.problem.captures[i], effects, poses[i]).reshape(-1, 8)
-            offsets[i] = np.nan_to_num(self.predictor.predict(i, effects, poses[i]).features[:, :8] - exact)
+            exact = flat(self.problem.corners_of(self.problem.captures[i], effects, poses[i]))
+            features = self.predictor.predict(i, effects, poses[i]).features
+            offsets[i] = np.nan_to_num(features[:, : exact.shape[1]] - exact)
         return offsets
 
     def derivatives(self, effects, free, poses, train, step_of=None):
@@ -278,15 +279,14 @@ class Solver:
         out = {}
         for i in indices:
             features = drawn[i].features.copy()
-            features[:, :8] += shifts[i]
+            features[:, : shifts[i].shape[1]] += shifts[i]
             out[i] = self._residuals(i, better[i], replace(drawn[i], features=features))
         return better, out
 
     def _corner_shift(self, i, effects, start, end):
         """Return how far the twin's corners (p, 8) move from one pose of capture i to another, pixels."""
         moved = self.problem.corners_of(self.problem.captures[i], effects, end)
-        shift = (moved - self.problem.corners_of(self.problem.captures[i], effects, start)).reshape(-1, 8)
-        return np.nan_to_num(shift)
+        return np.nan_to_num(flat(moved - self.problem.corners_of(self.problem.captures[i], effects, start)))
 
     def own_scatter(self, i, effects, pose):
         """Return {group: whitened residuals} of a capture that the twin itself takes, noise and all, about the expected.

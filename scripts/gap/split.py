@@ -54,11 +54,11 @@ def remoteness_of(points):
     return remoteness
 
 
-def thinned(indices):
-    """Return at most MOST_CAPTURES of the captures, evenly picked: more cost time and tell little more."""
-    if len(indices) <= MOST_CAPTURES:
+def thinned(indices, most):
+    """Return at most so many of the captures, evenly picked: more cost time and tell little more."""
+    if len(indices) <= most:
         return indices
-    return [indices[int(k)] for k in np.linspace(0, len(indices) - 1, MOST_CAPTURES).round()]
+    return [indices[int(k)] for k in np.linspace(0, len(indices) - 1, most).round()]
 
 
 def usable(indices, case):

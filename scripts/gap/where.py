@@ -26,7 +26,7 @@ def plate_gaps(case, effects, poses, predictions):
     ``d_scale`` (relative growth) and kept singly as well. ``level_dn`` is the ground's in the twin: the capture's would have
     the gap in it. Units as in gap.measure.plate.UNITS.
     """
-    tables, ground_dn = [], np.interp(case.codes.levels[2], np.linspace(0, 1, len(case.codes.lut)), case.codes.lut)
+    tables, (names, places, normals) = [], case.places()
     for i, prediction in predictions.items():
         capture = case.captures[i]
         o, view = capture.observation, case.view_of(capture, effects, poses[i])
@@ -35,12 +35,11 @@ def plate_gaps(case, effects, poses, predictions):
             continue
         gap = o.features[k] - prediction.features[k]
         corners = prediction.corners_of(k)
-        shift = gap[:, :8].reshape(-1, 4, 2)
+        shift = gap[:, :8].reshape(len(k), -1, 2)
         centre = corners.mean(1)
         spokes = corners - centre[:, None]
-        T_world_plate = np.array([case.scene.plates[j].T_world_plate for j in k])
-        in_camera = transform(view.T_cam_world, T_world_plate[:, :3, 3])
-        normal = T_world_plate[:, :3, 2] @ view.T_cam_world[:3, :3].T
+        in_camera = transform(view.T_cam_world, places[k])
+        normal = normals[k] @ view.T_cam_world[:3, :3].T
         distance = np.linalg.norm(in_camera, axis=1)
         from_axis = centre - [(view.width - 1) / 2, (view.height - 1) / 2]
         radius = np.linalg.norm(from_axis, axis=1)
@@ -50,7 +49,7 @@ def plate_gaps(case, effects, poses, predictions):
             {
                 "capture": view.capture,
                 "station": view.station,
-                "plate": [case.scene.plates[j].name for j in k],
+                "plate": [names[j] for j in k],
                 "distance_m": distance,
                 "incidence_deg": np.degrees(np.arccos(np.clip(-(in_camera * normal).sum(1) / distance, -1, 1))),
                 "image_radius": radius / np.hypot(view.width, view.height) * 2,
@@ -59,19 +58,19 @@ def plate_gaps(case, effects, poses, predictions):
                 "column_px": centre[:, 0],
                 "height_m": eye[2, 3],
                 "tilt_deg": np.degrees(np.arcsin(np.clip(-forward[2], -1, 1))),
-                "level_dn": ground_dn + prediction.features[k, GROUND],
                 "trial": capture.trial,
                 "dx_px": shift[..., 0].mean(1),
                 "dy_px": shift[..., 1].mean(1),
                 "d_radial_px": (shift.mean(1) * from_axis).sum(1) / np.maximum(radius, 1e-9),
-                "d_scale": (shift * spokes).sum((1, 2)) / (spokes**2).sum((1, 2)),
             }
         )
-        for n, name in enumerate(FEATURES):
-            table[name] = gap[:, n]
-        for n, name in enumerate(COLOUR_FEATURES):
-            table[name] = o.colour[k, n] - prediction.colour[k, n]
-        tables.append(table)
+        if case.codes:
+            ground_dn = np.interp(case.codes.levels[2], np.linspace(0, 1, len(case.codes.lut)), case.codes.lut)
+            table["level_dn"] = ground_dn + prediction.features[k, GROUND]
+            table["d_scale"] = (shift * spokes).sum((1, 2)) / (spokes**2).sum((1, 2))
+        colour = (o.colour[k] - prediction.colour[k]).T
+        measured = dict(zip(FEATURES, gap.T, strict=False)) | dict(zip(COLOUR_FEATURES, colour, strict=False))
+        tables.append(table.assign(**measured))
     return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame(columns=["capture", "plate"])
 
 
@@ -97,11 +96,11 @@ def explained_shares(table, train_captures):
     if train.all() or not train.any():
         return rows
     for group, observables in EXPLAINED.items():
-        for observable in observables:
+        for observable in (o for o in observables if o in table):
             gap = table[observable].clip(*table[observable].quantile([0.01, 0.99]))
             everywhere = _share(gap, pd.Series(0, index=gap.index), train)
-            shares = {name: _share(gap, _bins(table[name]), train) for name in COVARIATES}
-            best = sorted((n for n in COVARIATES if shares[n] > everywhere + ADDS), key=lambda n: (-shares[n], n))
+            shares = {name: _share(gap, _bins(table[name]), train) for name in COVARIATES if name in table}
+            best = sorted((n for n in shares if shares[n] > everywhere + ADDS), key=lambda n: (-shares[n], n))
             for covariate, share in [(EVERYWHERE, everywhere), *((n, shares[n]) for n in best[:MOST_PER_OBSERVABLE])]:
                 if share > 0:
                     entry = {"observable": observable, "group": group, "covariate": covariate, "share": round(share, 4)}
@@ -127,7 +126,7 @@ def _share(gap, bins, train):
 def field_gaps(case, predictions):
     """Return a table of the ground's and sky's levels over the frame, real minus twin, grey levels, by grid cell."""
     rows = []
-    for i, prediction in predictions.items():
+    for i, prediction in predictions.items() if case.codes else ():
         gap = case.captures[i].observation.field - prediction.field
         grid = gap.reshape(2, FIELD_ROWS, FIELD_COLUMNS)
         for surface, values in zip(("ground", "sky"), grid, strict=True):

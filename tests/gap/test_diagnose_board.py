@@ -4,22 +4,30 @@ import json
 
 import pandas as pd
 
-from diagnose_board import diagnose_board
+from diagnose_camera import diagnose_camera
+from effects import library
 from expand_tables import expand_tables
+from observe_captures import observe_captures
+from register_captures import register_captures
 from shared_files import shared
 
 
-def verdict_on(campaign, folder):
-    """Return (verdict's record, ladder) of a campaign's only camera."""
+def verdict_on(campaign, folder, candidates=None):
+    """Return (verdict's record, ladder, table of points' gaps) of a campaign's only camera."""
     camera = pd.read_csv(campaign / "captures.csv").camera.unique().item()
-    expand_tables(campaign, None, camera, folder / "expand")
-    diagnose_board(folder / "expand", campaign, camera, folder / "out.json", folder / "ladder.csv")
-    return json.loads((folder / "out.json").read_text()), pd.read_csv(folder / "ladder.csv")
+    expand, intrinsics, observations = folder / "expand", folder / "r.json", folder / "observations.npz"
+    expand_tables(campaign, None, camera, expand)
+    register_captures(expand, campaign, camera, folder / "r.csv", intrinsics)
+    observe_captures(expand, intrinsics, campaign, camera, observations)
+    candidates = candidates or sorted(library.available_effects())
+    out = folder / "out.json", folder / "ladder.csv", folder
+    diagnose_camera(expand, intrinsics, campaign, camera, observations, [], [], candidates, 60_000, 1, *out)
+    return json.loads(out[0].read_text()), pd.read_csv(out[1]), pd.read_parquet(folder / "plates.parquet")
 
 
 def test_the_lens_is_named_before_any_flexible_warp(tmp_path):
     """A warp of many waves fits any lens as well: let compete with them, it takes the lens's name."""
-    verdict, ladder = verdict_on(shared("real/chess_opencv_left"), tmp_path)
+    verdict, ladder, points = verdict_on(shared("real/chess_opencv_left"), tmp_path)
     assert verdict["verdict"] == "explained"
     assert verdict["steps"][0]["effect"] == "radial_distortion"
     assert "local_warp" not in [step["effect"] for step in verdict["steps"]]
@@ -29,6 +37,6 @@ def test_the_lens_is_named_before_any_flexible_warp(tmp_path):
 
 def test_a_lens_without_distortion_is_not_blamed(tmp_path):
     """A search that takes whatever helps a little would name an effect here, where five coefficients change nothing."""
-    verdict, _ = verdict_on(shared("real/chess_studio_control"), tmp_path)
+    verdict, _, _ = verdict_on(shared("real/chess_studio_control"), tmp_path)
     assert verdict["verdict"] == "adequate"
     assert verdict["steps"] == []

@@ -6,7 +6,7 @@ import pytest
 from effects import library
 from gap.normal_equations import errors_of, normal_equations, response, updated, without_pose
 from gap.parameters import image_step
-from gap.residuals import NU, Whitener, rounding_variance
+from gap.residuals import FEATURE_FLOOR, NU, Whitener, rounding_variance
 
 
 def residuals_and_derivatives():
@@ -59,7 +59,7 @@ def whitener_of_one_plate():
     """Return a Whitener that whitens nothing: one plate, no colour, field or noise."""
     whitener = object.__new__(Whitener)
     whitener.plates, whitener.lower_inverse, whitener.with_noise = np.array([0]), np.eye(19)[None], False
-    whitener.field_sd = np.zeros(0)
+    whitener.field_sd, whitener.colour_sd, whitener.floor = np.zeros(0), np.ones((1, 10)), FEATURE_FLOOR
     return whitener
 
 

@@ -120,8 +120,8 @@ class Observation:
 
     @property
     def corners(self):
-        """Corners of the codes (p, 4, 2), pixels."""
-        return self.features[:, :8].reshape(-1, 4, 2)
+        """Corners of the codes (p, 4, 2), pixels; of a board its points (p, 1, 2)."""
+        return self.features[:, :8].reshape(len(self.features), -1, 2)
 
     @property
     def has_noise_by_channel(self):

@@ -5,7 +5,6 @@ from numba import njit
 
 from gap.measure.plate import _draw, _sum_rows, code_homography, plate_window
 
-CLASSES = ("ground", "white", "black", "sky")
 GROUND, WHITE, BLACK, SKY = 1, 2, 3, 4
 FIELD_COLUMNS, FIELD_ROWS = 8, 5
 REGION_SIDES_PX = (

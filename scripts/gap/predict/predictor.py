@@ -30,7 +30,6 @@ from gap.measure.plate import N_FEATURES
 from gap.measure.response import respond
 from gap.predict.synthesis import shade, window_coverages, window_ground_points
 from gap.predict.windows import make_atlas
-from gap.problem import has_geometry
 from job import seed_of
 
 KEPT = 4000  # predictions, some 20 kB each
@@ -50,8 +49,8 @@ class Prediction:
     noise: np.ndarray | None
 
     def corners_of(self, plates):
-        """Return the corners (k, 4, 2) of some plates, pixels."""
-        return self.features[plates, :8].reshape(-1, 4, 2)
+        """Return the corners (k, 4, 2) of some plates, pixels; (k, 1, 2) of a board's points."""
+        return self.features[plates, :8].reshape(len(plates), -1, 2)
 
 
 class NormalNumbers:
@@ -170,7 +169,7 @@ class Shown:
         planes = []
         for channel in (0, 1, 2) if pipeline.is_chromatic(effects) else (1,):
             mapping = None
-            if has_geometry(effects):
+            if pipeline.has_geometry(effects):
 
                 def mapping(xy, channel=channel):
                     return pipeline.map_points(xy, view, effects, channel)

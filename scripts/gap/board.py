@@ -1,0 +1,158 @@
+"""One camera's photographs of a calibration board as a problem: points are all that is measured, poses may be free.
+
+What the points show is told by exact maps, so nothing is drawn; only effects that move image points can be seen. Without
+repeats the floor is what is left about smooth maps.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from effects import library, pipeline
+from effects.base import View
+from gap.measure.capture import Observation
+from gap.predict.predictor import Prediction
+from gap.problem import Capture, Case
+from rig.geometry import camera_matrix, make_pose
+
+FEWEST_POINTS = 24  # of a view whose noise can be told
+USUAL_NOISE_PX, SMALLEST_NOISE_PX = 0.2, 0.02  # where no view has enough points; what no finder is better than
+SCALED_PX = 1e-6  # off a scaling about the principal point, up to which a map is one
+# Where another focal length is told apart from an effect: any view with the ground in sight
+SOME_VIEW = View(
+    K=camera_matrix(600.0, 600.0, 320.0, 240.0), width=640, height=480, margin=0,
+    T_cam_world=make_pose([0.0, 0.0, 0.0], [0.0, 0.0, 1.0]), camera="", capture="", station="",
+)  # fmt: skip
+
+
+@dataclass
+class BoardCase(Case):
+    """Photographs of a board whose points (p, 3), metres, are what a rig's plates are: a point has one corner.
+
+    Poses are about those of the captures' views, free where ``sigma_pose`` is infinite.
+    """
+
+    points: np.ndarray = None
+    nuisances: tuple = ()
+    noise_px: float = None  # standard deviation of a point's x and y: the floor
+    corner_numbers = 2
+    state_features = np.arange(2)
+    most_captures = 1000  # points cost next to nothing
+    draws = False
+    floor_within = 2.0  # corner noise varies over the image, and from photograph to photograph
+
+    def scene_of(self, effects):
+        """Return (scene, None, points (p, 1, 3)) of the twin with these effects."""
+        return pipeline.scene_with_effects(self.scene, effects), None, self.points[:, None]
+
+    def states(self, corners, effects):
+        """Return the states (p, 2) of points (p, 1, 2): their pixels."""
+        return corners[:, 0]
+
+    def places(self):
+        """Return (names, places (p, 3), normals (p, 3)) of the points, metres."""
+        return [str(k) for k in range(len(self.points))], self.points, np.tile([0.0, 0.0, 1.0], (len(self.points), 1))
+
+    def predictor(self, noise_of=()):
+        """Return what predicts the photographs; there is no noise to compare."""
+        return PointPredictor(self)
+
+
+class PointPredictor:
+    """Predicts a board's points by exact maps: as gap.predict.predictor.Predictor, but nothing of an image."""
+
+    noise_of = frozenset()
+
+    def __init__(self, problem):
+        self.problem = problem
+
+    def predict(self, i, effects, pose):
+        """Return the Prediction of capture i with the pose (6,) by a twin of some effects [(name, parameters)]."""
+        points = self.problem.corners_of(self.problem.captures[i], effects, pose)[:, 0]
+        return Prediction(points, np.isfinite(points).all(1), points[:, :0], np.zeros(0), None)
+
+    def shown(self, i, effects, pose):
+        """Return the ShownPoints of capture i."""
+        return ShownPoints(self, i, effects, pose)
+
+
+class ShownPoints:
+    """The points of one capture as a twin shows them."""
+
+    def __init__(self, predictor, i, effects, pose):
+        self.predictor, self.i, self.pose = predictor, i, pose
+        self.prediction = predictor.predict(i, effects, pose)
+
+    def change(self, effects, by_response=True):
+        """Return the Prediction's change where the effects become others."""
+        after, before = self.predictor.predict(self.i, effects, self.pose), self.prediction
+        measured = before.measured & after.measured
+        return Prediction(after.features - before.features, measured, before.colour, before.field, None)
+
+
+def board_case(campaign, camera, scene, views, trials, points, pixels, noise_px, knows_intrinsics, sigma_pose):
+    """Return the BoardCase of views [effects.base.View], each at the pose from which its fit starts.
+
+    trials [repeat number]; points (p, 3) of the board, metres; pixels (views, p, 2) where each view shows them, NaN where it
+    does not; noise_px their standard deviation per axis; sigma_pose (6,) as of Case.
+    """
+    captures = [Capture(v, t, observation_of(xy, noise_px)) for v, t, xy in zip(views, trials, pixels, strict=True)]
+    focal = [] if knows_intrinsics else [n for n in seen_by_points(library.available_effects()) if scales_alone(n)]
+    nuisances = tuple((n, library.nulls_of(n)) for n in focal[:1])
+    return BoardCase(
+        campaign, camera, scene, None, captures, sigma_pose, points=points, nuisances=nuisances, noise_px=noise_px
+    )
+
+
+def observation_of(pixels, noise_px):
+    """Return the Observation of points (p, 2), NaN where they are not seen."""
+    p, none = len(pixels), np.zeros(0)
+    information = np.tile(np.eye(2) / noise_px**2, (p, 1, 1))
+    measured = np.isfinite(pixels).all(1)
+    return Observation(
+        pixels, information, measured, np.full(p, np.nan), np.zeros((p, 0)), np.zeros((0, 4), int), *[none] * 4
+    )
+
+
+def local_noise_px(points, pixels):
+    """Return the standard deviation per axis of a board's points (views, p, 2) about a smooth map of each view, pixels.
+
+    points (p, 3), metres; pixels NaN where a point is not seen. A cubic polynomial in the coordinates that a homography
+    predicts takes up pose, paper and what a lens leaves; the rest is noise.
+    """
+    squares, freedom = 0.0, 0
+    for xy in pixels:
+        seen = np.isfinite(xy).all(1)
+        if seen.sum() >= FEWEST_POINTS:
+            terms = _cubic_terms(points[seen], xy[seen])
+            residual = xy[seen] - terms @ np.linalg.lstsq(terms, xy[seen], rcond=None)[0]
+            deviation = 1.4826 * np.median(np.abs(residual - np.median(residual, 0)), axis=0)
+            squares += (deviation**2).mean() * seen.sum()
+            freedom += seen.sum() - terms.shape[1]
+    return max(float(np.sqrt(squares / freedom)) if freedom else USUAL_NOISE_PX, SMALLEST_NOISE_PX)
+
+
+def _cubic_terms(points, pixels):
+    """Return the terms (n, 10) of a cubic polynomial in where a homography has points (n, 3), near their pixels (n, 2)."""
+    H, _ = cv2.findHomography(points[:, :2], pixels)
+    mapped = cv2.perspectiveTransform(points[None, :, :2], H)[0]
+    x, y = ((mapped - mapped.mean(0)) / max(mapped.std(), 1e-9)).T
+    return np.stack([x**i * y**j for i in range(4) for j in range(4 - i)], axis=1)
+
+
+def seen_by_points(names):
+    """Return those of some effects that points can show: maps of points alone."""
+    return [n for n in names if library.is_pure_geometry(n) and library.moves_points(n)]
+
+
+def scales_alone(name):
+    """Return whether all that an effect does is to scale the image about the principal point: another focal length."""
+    xy = np.stack(np.meshgrid([20.0, 150.0, 500.0], [30.0, 300.0, 460.0]), axis=-1).reshape(-1, 2)
+    away = xy - SOME_VIEW.K[:2, 2]
+    for key, p in library.parameters_of(name).items():
+        moved = pipeline.map_points(xy, SOME_VIEW, [(name, {key: p.null + p.matters})]) - xy
+        scale = (moved * away).sum() / (away * away).sum()
+        if np.abs(moved - scale * away).max() > SCALED_PX:
+            return False
+    return True

@@ -1,0 +1,151 @@
+"""A board's points as a problem: drawn by exact maps, so that what was hidden in them is known."""
+
+import io
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from case_files import save_points, without_lens
+from effects import library, pipeline
+from effects.base import Scene, View
+from gap import search, select_effects
+from gap.board import board_case, local_noise_px, scales_alone, seen_by_points
+from gap.derivatives import flat
+from gap.select_effects import verdict
+from register.registration import NO_PRIOR
+from rig.geometry import camera_matrix, make_pose, perturb_pose, project
+
+NOISE_PX = 0.1
+SIZE = (640, 480)
+FOCAL_PX = 600.0
+POINTS = np.array([[x, y, 0.0] for y in range(6) for x in range(9)]) * 0.025
+COMPETING = ["radial_distortion", "principal_point", "tangential_distortion", "rolling_shutter"]
+OUT_OF_PLACE = np.array([0.05, -0.03, 0.02, 0.002, 0.003, 0.02])  # of poses from which fits start, rad and m
+
+
+def photographs(effects=(), number=12, noise_px=NOISE_PX, bend_px=0.0, focal_px=FOCAL_PX):
+    """Return (views, pixels (n, p, 2)) of the board by a camera of FOCAL_PX, views with ``focal_px``, poses out of place.
+
+    ``bend_px`` is a smooth move of each photograph's own.
+    """
+    rng, views, pixels = np.random.default_rng(5), [], []
+    for k in range(number):
+        tilt = rng.uniform(-0.6, 0.6, 2)
+        T = make_pose([np.pi + tilt[0], tilt[1], rng.uniform(-0.3, 0.3)], [-0.1, 0.06, rng.uniform(0.3, 0.45)])
+        view = View(camera_matrix(FOCAL_PX, FOCAL_PX, 319.5, 239.5), *SIZE, 0, T, "c", f"p{k:02d}", f"p{k:02d}")
+        xy = pipeline.map_points(project(view.K, T, POINTS), view, list(effects))
+        u, v = ((xy - xy.mean(0)) / xy.std()).T
+        own = rng.standard_normal((2, 3)) @ np.stack([u * u, u * v, v * v])
+        xy = xy + bend_px * own.T + noise_px * rng.standard_normal(xy.shape)
+        xy[(xy < 0).any(1) | (xy > np.array(SIZE) - 1).any(1)] = np.nan
+        K = camera_matrix(focal_px, focal_px, 319.5, 239.5)
+        views.append(View(K, *SIZE, 0, perturb_pose(T, OUT_OF_PLACE), "c", view.capture, view.station))
+        pixels.append(xy)
+    return views, np.array(pixels)
+
+
+def problem_of(views, pixels, knows_intrinsics=False):
+    """Return the BoardCase of photographs with free poses."""
+    scene = Scene((), 0.8, 0.05, 0.3, 0.3)
+    trials, noise_px = [0] * len(views), local_noise_px(POINTS, pixels)
+    return board_case("c", "c", scene, views, trials, POINTS, pixels, noise_px, knows_intrinsics, NO_PRIOR)
+
+
+def test_a_lens_is_named_and_measured_with_the_focal_length_that_nobody_knew():
+    """Fails if the focal length stays where it began, is named, or if poses or a wrong focal length take up the lens."""
+    hidden = {"k1": -0.2, "k2": 0.05, "k3": 0.0}
+    problem = problem_of(*photographs([("radial_distortion", hidden)], focal_px=1.05 * FOCAL_PX))
+    _, base, _, outcome = verdict(problem, candidates=COMPETING)
+    assert outcome.verdict == "explained" and [s.effect for s in outcome.steps] == ["radial_distortion"]
+    (name, focal), (_, lens) = outcome.twin.effects
+    assert base.names == [name] and scales_alone(name)
+    assert abs(next(iter(focal.values())) * 1.05 - 1) < 0.005
+    assert abs(lens["k1"] + 0.2) < max(4 * outcome.twin.errors["radial_distortion", "k1"], 0.01)
+    assert outcome.twin.gap == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize("bend_px", [0.0, 0.2])
+def test_what_differs_from_photograph_to_photograph_is_no_effect(bend_px):
+    """Fails if a lens is blamed for noise, or for what is smooth and new in each photograph."""
+    _, _, _, outcome = verdict(problem_of(*photographs(bend_px=bend_px)), candidates=COMPETING)
+    assert outcome.steps == ()
+    assert outcome.verdict == ("unexplained" if outcome.twin.gap > 2.3 else "adequate")
+
+
+def test_a_step_that_closes_a_fifth_of_the_gap_and_leaves_it_open_gets_no_name(monkeypatch):
+    """Fails if boards, whose floor is known to a factor of two, keep the names of patches, however certain they are."""
+    for module in (search, select_effects):
+        monkeypatch.setattr(module, "is_significant", lambda *_: True)
+    effects = [("rolling_shutter", library.nulls_of("rolling_shutter") | {"skew_x": 0.0025})]
+    problem = problem_of(*photographs(effects, bend_px=0.12))
+    _, _, _, outcome = verdict(problem, candidates=["rolling_shutter"])
+    assert (outcome.steps, outcome.verdict) == ((), "adequate") and outcome.twin.gap > 1.3
+    monkeypatch.setattr(select_effects, "HARDLY_CLOSED", 1.0)
+    _, _, _, patched = verdict(problem, candidates=["rolling_shutter"])
+    assert [s.effect for s in patched.steps] == ["rolling_shutter"] and 0.6 < patched.share_left < 0.9
+
+
+def test_what_lies_within_the_floor_has_no_name(monkeypatch):
+    """Fails if names are looked for in a gap that is the floor, which no repeats tell."""
+    for module in (search, select_effects):
+        monkeypatch.setattr(module, "is_significant", lambda *_: True)
+    weak = [("radial_distortion", {"k1": -0.02, "k2": 0.0, "k3": 0.0})]
+    _, base, first, outcome = verdict(problem_of(*photographs(weak)), candidates=["radial_distortion"])
+    assert first[0].gain > 0 and base.gap < 1.1
+    assert (outcome.steps, outcome.verdict) == ((), "adequate")
+
+
+def test_known_intrinsics_are_not_fitted():
+    """Fails if a focal length that the campaign gives is free all the same: it may then be missing, and has a name."""
+    problem = problem_of(*photographs(focal_px=1.1 * FOCAL_PX), knows_intrinsics=True)
+    assert problem.nuisances == ()
+    scaling = [n for n in seen_by_points(library.available_effects()) if scales_alone(n)]
+    _, _, _, outcome = verdict(problem, candidates=[*COMPETING, *scaling])
+    assert [s.effect for s in outcome.steps] == scaling
+
+
+@pytest.mark.parametrize("calibrated", [False, True])
+def test_the_floor_is_the_noise_whatever_the_lens(calibrated, tmp_path):
+    """Fails if a wide lens's own bend counts as noise, or degrees of freedom are forgotten."""
+    lens = {"k1": -0.5, "k2": 1.5, "p1": 0.0, "p2": 0.0, "k3": -2.0}
+    hidden = [("radial_distortion", {k: lens[k] for k in ("k1", "k2", "k3")})] if calibrated else []
+    fit = {"parameters": {"fx": FOCAL_PX, "fy": FOCAL_PX, "cx": 319.5, "cy": 239.5} | lens}
+    (tmp_path / "r.json").write_text(json.dumps({"calibrations": {"5": fit} if calibrated else {}}))
+    _, pixels = photographs(hidden, number=60)
+    found = local_noise_px(POINTS, without_lens(pixels, tmp_path / "r.json"))
+    assert found == pytest.approx(NOISE_PX, rel=0.06)
+
+
+def test_points_have_the_derivatives_of_their_maps():
+    """Fails if a board's points move otherwise with parameters or poses than their derivatives say."""
+    problem = problem_of(*photographs(number=2))
+    effects = [("radial_distortion", {"k1": -0.1, "k2": 0.0, "k3": 0.0})]
+    predict, pose, h = problem.predictor().predict, np.zeros(6), 1e-4
+    moved = [
+        predict(0, [(n, p | {"k1": p["k1"] + s * h}) for n, p in effects], pose).features for s in (1, -1)
+    ]  # fmt: skip
+    by_k1 = problem.corners_by_parameters(problem.captures[0], effects, pose, [("radial_distortion", "k1")], [1e-5])
+    np.testing.assert_allclose(flat(by_k1), (moved[0] - moved[1]) / (2 * h), rtol=1e-4, atol=1e-4)
+    assert problem.predictor().shown(0, [], pose).change(effects).features == pytest.approx(
+        predict(0, effects, pose).features - predict(0, [], pose).features, nan_ok=True
+    )
+
+
+def test_points_of_photographs_come_back_where_they_were_seen(tmp_path):
+    """Fails if points are taken for others where a photograph shows only some of the board."""
+    seen = [[0, 3, 7], [7, 8, 20, 3]]
+    found = [
+        SimpleNamespace(board=POINTS[k], image=100.0 * n + np.array(k)[:, None] + [0.0, 0.5])
+        for n, k in enumerate(seen)
+    ]
+    file = io.BytesIO()
+    save_points(file, found)
+    file.seek(0)
+    stored = np.load(file)
+    for n, k in enumerate(seen):
+        at = {tuple(p.round(6)): xy for p, xy in zip(stored["points"], stored["pixels"][n], strict=True)}
+        assert len(at) == 5 and np.isfinite(stored["pixels"][n]).all(1).sum() == len(k)
+        for i in k:
+            assert at[tuple(POINTS[i].round(6))] == pytest.approx([100.0 * n + i, 100.0 * n + i + 0.5])
