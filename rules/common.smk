@@ -374,11 +374,11 @@ RESULTS = f"results/{NAME}"
 CAMERAS = sorted(set(SOURCE.captures.camera) if CAMPAIGN else SOURCE.file.cameras)
 DETECTORS = sorted(config["detectors"])
 CAPTURE_COUNTS = SOURCE.captures.camera.value_counts().to_dict()
+# Whether these are photographs of one calibration board.
+BOARD = bool(CAMPAIGN and SOURCE.file.target)
 # Cameras whose captures are divided among jobs (batches.smk), and the others.
 DIVIDED = [
-    c
-    for c in CAMERAS
-    if CAMPAIGN and not BOARD and CAPTURE_COUNTS[c] > config["batch"]
+    c for c in CAMERAS if CAMPAIGN and not BOARD and CAPTURE_COUNTS[c] > config["batch"]
 ]
 UNDIVIDED = [c for c in CAMERAS if c not in DIVIDED]
 DIAGNOSIS = (
@@ -389,8 +389,7 @@ DIAGNOSIS = (
 )
 # What was not photographed has nothing to compare.
 EXPLORER = [f"{RESULTS}/report/explore.html"] if CAMPAIGN else []
-# Photographs of one calibration board; a chessboard has no markers that a detector could find.
-BOARD = bool(CAMPAIGN and SOURCE.file.target)
+# A chessboard has no markers that a detector could find.
 HAS_MARKERS = len(SOURCE.markers) > 0
 
 
