@@ -69,6 +69,7 @@ if DIVIDED:
             register_json=f"{RESULTS}/register/{{camera}}.json",
             images=captures_of_batch,
             code=imports_of("observe_captures.py"),
+            effect_code=code_of_effects(effects_that_look()),
         output:
             observations=f"{RESULTS}/batches/{{camera}}/{{batch}}/observations.npz",
         log:

@@ -14,7 +14,7 @@ rule observe_captures:
         register_json=f"{RESULTS}/register/{{camera}}.json",
         images=captures_of,
         code=imports_of("observe_captures.py"),
-        effect_code=code_of_effects(effects_that_look()),
+        effect_code=[] if BOARD else code_of_effects(effects_that_look()),
     output:
         observations=f"{RESULTS}/diagnosis/{{camera}}/observations.npz",
     log:

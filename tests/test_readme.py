@@ -41,6 +41,14 @@ def planned(place, command):
     return said
 
 
+def on_a_copy(place, command):
+    """Run it on a copy of the photographs, which it makes a campaign of."""
+    copy = shutil.copytree(place.folder.parent / "photographs", place.folder.parent / "copied", dirs_exist_ok=True)
+    for written in ("campaign.yaml", "captures.csv", "markers.csv"):
+        (copy / written).unlink(missing_ok=True)
+    return place.run(command.replace("path/to/photographs", str(copy)))
+
+
 def made(*steps):
     """Return what asks make for its steps, which must hold these words."""
 
@@ -124,6 +132,7 @@ COMMANDS = {
     "make makers": made("--group makers"),
     "python scripts/print_board.py charuco --columns 6 --rows 8 --square-mm 30 --out prints/mine.pdf": as_it_stands,
     "python scripts/print_board.py markers path/to/folder/markers.csv": as_it_stands,
+    "python scripts/start_campaign.py path/to/photographs --marker-mm 50": on_a_copy,
     "python scripts/start_campaign.py path/to/photographs --square-mm 25": as_it_stands,
     "snakemake --cores 2 --config campaign=path/to/photographs": planned,
     "python scripts/export_camera.py hp325 --format opencv": without_results,

@@ -21,7 +21,8 @@ def verdict_on(campaign, folder, candidates=None):
     observe_captures(expand, intrinsics, campaign, camera, observations)
     candidates = candidates or sorted(library.available_effects())
     out = folder / "out.json", folder / "ladder.csv", folder
-    diagnose_camera(expand, intrinsics, campaign, camera, observations, [], [], candidates, 60_000, 1, *out)
+    measured = expand, intrinsics, campaign, camera, observations
+    diagnose_camera(*measured, [], [], candidates, 60_000, 1, [], [], folder / "kept", *out)
     return json.loads(out[0].read_text()), pd.read_csv(out[1]), pd.read_parquet(folder / "plates.parquet")
 
 

@@ -139,7 +139,11 @@ def observed_case(filled):
 
     return SimpleNamespace(
         captures=[
-            SimpleNamespace(observation=observation(k) if filled else None, noise_variance=0.1 + k if filled else 1.0)
+            SimpleNamespace(
+                observation=observation(k) if filled else None,
+                noise_variance=0.1 + k if filled else 1.0,
+                starts={"jpeg_compression": {"loss": 30.0 + k}} if filled else {},
+            )
             for k in range(2)
         ]
     )
