@@ -10,15 +10,12 @@ import numpy as np
 
 from effects import library, pipeline
 from gap.discrete import Discrete
+from gap.evidence import evidence_of, first_order_gains, start_step
 from gap.kept import kept
 from gap.normal_equations import gains_of_step, normal_equations
 from gap.parameters import (
     fitted_parameters,
-    get_parameter,
-    image_step,
     is_geometric,
-    prior_equations,
-    priors_of,
     spec,
 )
 from gap.residuals import GROUPS, NU, flatten, lost_plates, rho, total, width_of
@@ -172,33 +169,47 @@ class Search:
         starts, towards = self.problem.starts_of(effect), []
         if len(starts) > 1 or starts != library.starts_of(effect):
             towards, _ = self._gains_of_starts(twin, effect, starts, self._prepared_for(twin)[0])
-        best = max([self._gain_of(twin, [effect]), *towards], key=np.sum)
+        best = max([self._gain_of(twin, [effect])([effect]), *towards], key=np.sum)
         return dict(zip(GROUPS, best * len(self.train) / max(len(probes(self.train)), 1), strict=True))
 
     def _gain_of(self, twin, names):
-        """Return the loss (groups,) that effects which the twin has not could gain together in the probes, about their nulls."""
+        """Return a function of some of the effects ``names``, which the twin has not.
+
+        It returns the loss (groups,) that these could gain together in the probes, about their nulls.
+        """
         (indices, groups, nu), beside = self._prepared_for(twin)
         free = [(n, k) for n in names for k in library.fitted_parameters(n) if not spec((n, k)).auxiliary]
         effects = [*twin.effects, *((n, library.nulls_of(n)) for n in names)]
         derivatives = self.solver.derivatives(effects, free, twin.poses, indices, start_step)
-        if beside is None:
-            return first_order_gains(effects, free, derivatives, groups, nu)
-        own = self.free(twin.effects)
-        alone = {i: (beside[i], Jp) for i, (_, Jp) in derivatives.items()}
-        together = {i: (np.hstack([Jt, beside[i]]), Jp) for i, (Jt, Jp) in derivatives.items()}
-        gains = first_order_gains(effects, free + own, together, groups, nu)
-        return gains - first_order_gains(effects, own, alone, groups, nu)
+        own = self.free(twin.effects) if beside else []
+
+        def gain(some):
+            mine = [k for k, (name, _) in enumerate(free) if name in some]
+            beside_of = {i: beside[i] if beside else Jt[:, :0] for i, (Jt, _) in derivatives.items()}
+            together = {i: (np.hstack([Jt[:, mine], beside_of[i]]), Jp) for i, (Jt, Jp) in derivatives.items()}
+            gains = first_order_gains(effects, [free[k] for k in mine] + own, together, groups, nu)
+            if not own:
+                return gains
+            alone = {i: (beside_of[i], Jp) for i, (_, Jp) in derivatives.items()}
+            return gains - first_order_gains(effects, own, alone, groups, nu)
+
+        return gain
 
     @kept
-    def is_mimicked(self, twin, effect, others):
-        """Return whether other effects that a twin has not promise together what one of its own brings.
+    def mimics(self, twin, effect, others):
+        """Return the fewest of other effects that promise together what one of a twin's own brings; none where all do not.
 
-        Asked to first order beside what else the twin has, refitted in a few captures.
+        Asked to first order beside what else the twin has, refitted in a few captures; the most helpful is taken first.
         """
         rest = [e for e in twin.effects if e[0] != effect]
         fit = self.solver.fit(rest, self.free(rest), twin.poses, probes(self.train), ITERATIONS_OF_RIVALS)
         without = replace(twin, effects=tuple(fit.state.effects), poses=fit.state.poses)
-        return self._gain_of(without, others).sum() > SHARE_OF_MIMICS * self._gain_of(without, [effect]).sum()
+        enough = SHARE_OF_MIMICS * self._gain_of(without, [effect])([effect]).sum()
+        gain_of, taken = self._gain_of(without, others), []
+        while len(taken) < len(others) and (not taken or gain_of(taken).sum() < enough):
+            left = [n for n in others if n not in taken]
+            taken.append(max(left, key=lambda n: gain_of([*taken, n]).sum()))
+        return taken if taken and gain_of(taken).sum() >= enough else []
 
     def _prepared_for(self, twin):
         """Return (probes, their derivatives by the twin's parameters), made once for a twin.
@@ -329,42 +340,6 @@ class Search:
         """Return whether a twin shows fewer plates than the base: one that is lost costs less than one that is far off."""
         plates = sum(len(g["corners"]) for g in twin.groups.values())
         return lost_plates(twin.groups) - lost_plates(base.groups) > MAX_HIDDEN * plates
-
-
-def start_step(parameter, value):
-    """Return the step from the null to the farthest start: an even parameter has no slope at its null."""
-    effect, key = parameter
-    steps = [start[key] - value for start in library.starts_of(effect) if start[key] != value]
-    return max(steps, key=abs) if steps else image_step(parameter, value)
-
-
-def first_order_gains(effects, free, derivatives, groups, nu):
-    """Return the loss (groups,) that a Gauss-Newton step of the free parameters would gain, a score test's statistic.
-
-    Groups are in the order of GROUPS.
-    """
-    H, g, blocks = normal_equations(derivatives, groups, nu, prior_equations(effects, free))
-    scale = np.sqrt(np.maximum(np.diag(H), 1e-12))
-    g, H = g / scale, H / np.outer(scale, scale)
-    step = np.linalg.lstsq(H + 1e-6 * np.eye(len(g)), g, rcond=None)[0] / scale
-    return gains_of_step(step, derivatives, groups, blocks, nu)
-
-
-def evidence_of(effects, free, precision):
-    """Return {effect: loss that taking it out costs to second order, the others refitted}: Wald's statistic.
-
-    ``precision`` (k, k) is the Hessian of half the loss by the free parameters. Source: A. Wald, "Tests of statistical
-    hypotheses concerning several parameters when the number of observations is large" (1943).
-    """
-    covariance = np.linalg.pinv(precision + 1e-12 * np.eye(len(free)))
-    null, _ = priors_of(free)
-    away = np.array([get_parameter(effects, f) for f in free]) - null
-    out = {}
-    for name, _ in effects:
-        mine = [k for k, (effect, _) in enumerate(free) if effect == name]
-        if mine:
-            out[name] = float(away[mine] @ np.linalg.pinv(covariance[np.ix_(mine, mine)]) @ away[mine])
-    return out
 
 
 def gains_by_station(problem, before, after):

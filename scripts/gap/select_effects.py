@@ -199,23 +199,29 @@ def _without_unneeded(search, twin, new, steps):
 def _with_simpler(selection, base, first, best, before):
     """Return the Outcome with simpler effects in the place of one of many parameters, a curve say, that stands for them.
 
-    Where one step of the simpler ones together promises what it brings, the way without it is gone as well.
+    Where one step of some simpler ones together promises what it brings, they take its place, if they then do as well.
     """
     search = selection.search
     for step in best.steps:
-        rest = [e for e in best.twin.effects if e[0] != step.effect]
-        names = [c.effect for c in first if c.effect != step.effect]
-        simpler = [n for n in names if n not in best.twin.names and library.affects(n) == library.affects(step.effect)]
-        simpler = [n for n in simpler if len(library.fitted_parameters(n)) <= MAX_SIMPLE]
-        wide = len(library.fitted_parameters(step.effect)) > MAX_SIMPLE
-        if not wide or selection.is_spent() or not search.is_mimicked(best.twin, step.effect, simpler):
+        others = [c.effect for c in first if c.effect not in best.twin.names and is_simple(c.effect)]
+        alike = [n for n in others if library.affects(n) == library.affects(step.effect)]
+        if is_simple(step.effect) or selection.is_spent():
             continue
-        twin = search.fitted(rest, best.twin.poses)
-        candidates, _ = try_promising(search, twin, names, MAX_TRIED_AGAIN)
-        other = path(selection, twin, candidates, before, taken=[s for s in best.steps if s is not step])
-        if sum(other.twin.losses.values()) < sum(best.twin.losses.values()):
-            best = _retraced(search, base, other, [step.effect], before)
+        simpler = search.mimics(best.twin, step.effect, alike)
+        rest = [e for e in best.twin.effects if e[0] != step.effect]
+        if not simpler:
+            continue
+        twin = search.fitted([*rest, *((n, library.nulls_of(n)) for n in simpler)], best.twin.poses)
+        if sum(twin.losses.values()) < sum(best.twin.losses.values()):
+            at = best.steps.index(step)
+            steps = [*best.steps[:at], *(replace(step, effect=n) for n in simpler), *best.steps[at + 1 :]]
+            best = _retraced(search, base, replace(best, steps=tuple(steps), twin=twin), [], before)
     return best
+
+
+def is_simple(name):
+    """Return whether an effect has few parameters: one form, with which little else can be mimicked."""
+    return len(library.fitted_parameters(name)) <= MAX_SIMPLE
 
 
 def _with_flexible(selection, base, first, best, before):
