@@ -5,6 +5,7 @@ import pandas as pd
 from rig.words import LADDER, gap_along, with_error
 
 MOST_TOLD = 12  # parameters of one effect that a sentence can hold
+FEW_NOT_LOOKED_AT = 2
 NEAR_FLOOR = 1.2  # a gap up to this is told as the floor
 
 
@@ -97,7 +98,16 @@ def verdict_words(diagnosis):
         station = diagnosis.get("suggested_station")
         if station and station.get("height_m") is not None:
             words += f" A station at {station['height_m']:g} m height and {station['tilt_deg']:g}° tilt could."
-    return words
+    return words + not_looked_at_words(diagnosis)
+
+
+def not_looked_at_words(diagnosis):
+    """Return how many effects that the twin has not were not looked at for the commonest reason; nothing of one or two."""
+    known = {effect["effect"] for effect in diagnosis.get("configured", [])}
+    reasons = [why for name, why in diagnosis.get("not_looked_at", {}).items() if name not in known]
+    most = max(sorted(set(reasons)), key=reasons.count, default=None)
+    number = reasons.count(most)
+    return f" {number} effects were not looked at: {most}." if number > FEW_NOT_LOOKED_AT else ""
 
 
 def ladder_rows(path):
