@@ -29,6 +29,7 @@ from gap.score import gap_error, group_gaps, overall_gap
 from gap.search import rank
 from gap.select_effects import verdict
 from gap.where import explained_shares, field_gaps, noise_gaps, plate_gaps
+from imports import imports_of
 from inputs import tables
 from job import seed_of
 from outcome_store import OutcomeStore
@@ -185,8 +186,9 @@ def teller(camera):
 def stored_outcomes(folder, files, expand, facts):
     """Return the OutcomeStore of a camera: ``files`` its code and measurements, ``expand`` the folder of its tables."""
     known = available_effects()
-    of_effects = {Path(f).stem: f for f in files if Path(f).parent.name == "effects" and Path(f).stem in known}
-    shared = {*files, *(f for f in Path(expand).iterdir() if f.is_file())} - set(of_effects.values())
+    own = {f for f in files if Path(f).parent.name == "effects" and Path(f).stem in known}
+    of_effects = {Path(f).stem: [f, *sorted(own.intersection(imports_of(f)))] for f in own}
+    shared = {*files, *(f for f in Path(expand).iterdir() if f.is_file())} - own
     versions = [version(package) for package in ("numpy", "scipy", "numba", "opencv-contrib-python-headless")]
     return OutcomeStore(folder, map(Path, shared), (facts, versions), of_effects)
 

@@ -12,19 +12,19 @@ class OutcomeStore:
     """Outcomes in a folder, written by this program alone.
 
     shared  files that all outcomes depend on, ``facts`` what else does (anything with a repr)
-    effect_files  {effect: its file}: an outcome depends on those of the effects that it names
+    effect_files  {effect: [its file, those of effects that it imports]}: an outcome depends on those of the effects it names
     """
 
     def __init__(self, folder, shared, facts, effect_files):
         self.folder = Path(folder)
         self.shared = _digest([repr(facts).encode(), *(Path(f).read_bytes() for f in sorted(shared))])
-        self.of_effects = {name: _digest([Path(f).read_bytes()]) for name, f in effect_files.items()}
+        self.of_effects = {name: _digest([Path(f).read_bytes() for f in files]) for name, files in effect_files.items()}
         self.used = set()
 
     def get(self, names, text):
         """Return what is kept of some effects under a text; None where there is nothing, or nothing that can be read."""
         path = self._path(names, text)
-        with contextlib.suppress(OSError, EOFError, pickle.UnpicklingError, AttributeError, ImportError):
+        with contextlib.suppress(Exception):  # a damaged pickle may raise any
             return pickle.loads(path.read_bytes())
         return None
 

@@ -12,7 +12,7 @@ from gap.select_effects import verdict
 from outcome_store import OutcomeStore
 
 CANDIDATES = ["exposure", "radial_distortion", "vignetting"]
-EFFECTS = {name: module.__file__ for name, module in available_effects().items()}
+EFFECTS = {name: [module.__file__] for name, module in available_effects().items()}
 
 
 @pytest.fixture(scope="module")
@@ -55,8 +55,8 @@ def test_an_edited_effect_is_tried_anew_and_the_others_are_not(case, tmp_path):
     """Fails if an edit leaves the effect's old outcomes standing, or throws away those it has no part in."""
     run(case, Counted(tmp_path / "kept", [], "facts", EFFECTS))
     edited = tmp_path / "radial_distortion.py"
-    edited.write_bytes(Path(EFFECTS["radial_distortion"]).read_bytes() + b"\n# edited\n")
-    store = Counted(tmp_path / "kept", [], "facts", EFFECTS | {"radial_distortion": edited})
+    edited.write_bytes(Path(*EFFECTS["radial_distortion"]).read_bytes() + b"\n# edited\n")
+    store = Counted(tmp_path / "kept", [], "facts", EFFECTS | {"radial_distortion": [edited]})
     run(case, store)
     assert store.made and all("radial_distortion" in names for names in store.made)
 
@@ -72,12 +72,13 @@ def test_what_all_depend_on_throws_all_away(tmp_path, change):
     assert OutcomeStore(tmp_path / "kept", [file], 2 if change == "facts" else 1, {}).get({"exposure"}, "text") is None
 
 
-def test_a_damaged_or_unused_outcome_goes(tmp_path):
-    """Fails if half a file ends a diagnosis with a traceback, or outcomes of all times pile up."""
+@pytest.mark.parametrize("damaged", [b"\x80\x04", b"\x80\xff", b"no pickle", b"cnone\nsuch\n."])
+def test_a_damaged_or_unused_outcome_goes(tmp_path, damaged):
+    """Fails if a damaged file ends a diagnosis or is taken for its reason, or outcomes of all times pile up."""
     store = OutcomeStore(tmp_path, [], None, {})
     store.put(set(), "a", [1, 2, 3])
     store.put(set(), "b", [4])
-    next(iter(store.used)).write_bytes(b"\x80\x04")
+    next(iter(store.used)).write_bytes(damaged)
     assert sorted(str(store.get(set(), text)) for text in "ab") in (["None", "[4]"], ["None", "[1, 2, 3]"])
     later = OutcomeStore(tmp_path, [], None, {})
     later.put(set(), "c", None)
