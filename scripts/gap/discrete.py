@@ -24,14 +24,16 @@ class Discrete:
         """Return fitted effects, discrete parameters at their best whole values beside the others, but for the new one's."""
         effects = list(effects)
         for k, (name, p) in enumerate(effects):
+            if name == new:
+                continue
             discrete = [d for d in library.discrete_parameters(name) if (name, d) not in self.fixed]
             choices = [d for d in discrete if spec((name, d)).is_choice]
             leaping = [d for d in discrete if d not in choices]
-            if leaping and name != new:
+            if leaping:
                 best = self.best_values(name, p, effects[:k] + effects[k + 1 :], leaping, poses)
                 if any(abs(best[d] - p[d]) >= 1 for d in leaping):
                     effects[k] = name, best
-            if choices and name != new and self._matters_beside(effects, k, new, choices):
+            if choices and self._matters_beside(effects, k, new, choices):
                 effects[k] = name, self._best_choices(effects, k, new, choices, poses)
         return tuple(effects)
 

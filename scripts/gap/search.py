@@ -13,11 +13,7 @@ from gap.discrete import Discrete
 from gap.evidence import evidence_of, first_order_gains, start_step
 from gap.kept import kept
 from gap.normal_equations import gains_of_step, normal_equations
-from gap.parameters import (
-    fitted_parameters,
-    is_geometric,
-    spec,
-)
+from gap.parameters import fitted_parameters, is_geometric, spec
 from gap.residuals import GROUPS, NU, flatten, lost_plates, rho, total, width_of
 from gap.score import floors_of, group_gaps, group_losses
 from gap.solver import Solver
@@ -181,17 +177,14 @@ class Search:
         free = [(n, k) for n in names for k in library.fitted_parameters(n) if not spec((n, k)).auxiliary]
         effects = [*twin.effects, *((n, library.nulls_of(n)) for n in names)]
         derivatives = self.solver.derivatives(effects, free, twin.poses, indices, start_step)
-        own = self.free(twin.effects) if beside else []
+        own = self.free(twin.effects)
+        alone = {i: (beside[i], Jp) for i, (_, Jp) in derivatives.items()}
+        of_twin = first_order_gains(effects, own, alone, groups, nu) if own else 0.0
 
         def gain(some):
             mine = [k for k, (name, _) in enumerate(free) if name in some]
-            beside_of = {i: beside[i] if beside else Jt[:, :0] for i, (Jt, _) in derivatives.items()}
-            together = {i: (np.hstack([Jt[:, mine], beside_of[i]]), Jp) for i, (Jt, Jp) in derivatives.items()}
-            gains = first_order_gains(effects, [free[k] for k in mine] + own, together, groups, nu)
-            if not own:
-                return gains
-            alone = {i: (beside_of[i], Jp) for i, (_, Jp) in derivatives.items()}
-            return gains - first_order_gains(effects, own, alone, groups, nu)
+            together = {i: (np.hstack([Jt[:, mine], beside[i]]), Jp) for i, (Jt, Jp) in derivatives.items()}
+            return first_order_gains(effects, [free[k] for k in mine] + own, together, groups, nu) - of_twin
 
         return gain
 
@@ -230,10 +223,10 @@ class Search:
         return indices, groups, NU * width_of(groups) ** 2
 
     def _beside(self, twin, probed):
-        """Return the derivatives {i: (n, k)} of the probes by the twin's free parameters; None where they are none."""
+        """Return the derivatives {i: (n, k)} of the probes by the twin's free parameters."""
         free = self.free(twin.effects)
         if not free:
-            return None
+            return {i: np.zeros((len(flatten(groups)), 0)) for i, groups in probed[1].items()}
         return {i: Jt for i, (Jt, _) in self.solver.derivatives(twin.effects, free, twin.poses, probed[0]).items()}
 
     def _gains_of_starts(self, twin, effect, starts, probed):

@@ -201,21 +201,21 @@ def _with_simpler(selection, base, first, best, before):
 
     Where one step of some simpler ones together promises what it brings, they take its place, if they then do as well.
     """
-    search = selection.search
+    search, simple = selection.search, [c.effect for c in first if is_simple(c.effect)]
     for step in best.steps:
-        others = [c.effect for c in first if c.effect not in best.twin.names and is_simple(c.effect)]
-        alike = [n for n in others if library.affects(n) == library.affects(step.effect)]
         if is_simple(step.effect) or selection.is_spent():
             continue
+        alike = [n for n in simple if library.affects(n) == library.affects(step.effect) and n not in best.twin.names]
         simpler = search.mimics(best.twin, step.effect, alike)
-        rest = [e for e in best.twin.effects if e[0] != step.effect]
         if not simpler:
             continue
+        rest = [e for e in best.twin.effects if e[0] != step.effect]
         twin = search.fitted([*rest, *((n, library.nulls_of(n)) for n in simpler)], best.twin.poses)
         if sum(twin.losses.values()) < sum(best.twin.losses.values()):
             at = best.steps.index(step)
-            steps = [*best.steps[:at], *(replace(step, effect=n) for n in simpler), *best.steps[at + 1 :]]
-            best = _retraced(search, base, replace(best, steps=tuple(steps), twin=twin), [], before)
+            instead = [replace(step, effect=n, confused_with=()) for n in simpler]  # those were the curve's
+            steps = (*best.steps[:at], *instead, *best.steps[at + 1 :])
+            best = _retraced(search, base, replace(best, steps=steps, twin=twin), (), before)
     return best
 
 

@@ -11,7 +11,7 @@ from gap.discrete import Discrete
 from gap.residuals import LOST_PLATE, flatten
 from gap.score import overall_gap
 from gap.search import Search, is_significant
-from gap.select_effects import Selection, verdict, verdict_of
+from gap.select_effects import Selection, Step, _with_simpler, outcome_of, verdict, verdict_of
 from gap.split import split_by_station
 
 CANDIDATES = ["radial_distortion", "focal_length", "lens_blur", "exposure", "marker_scale", "principal_point"]
@@ -275,3 +275,21 @@ def test_a_twin_that_hides_plates_is_told(lost, hides):
     corners[:lost] = LOST_PLATE
     search = object.__new__(Search)
     assert search._hides_plates(base, SimpleNamespace(groups={0: {"corners": corners}})) == hides
+
+
+@pytest.mark.parametrize(("hidden", "simpler"), [("exposure", ["exposure"]), ("tone_curve", [])])
+def test_a_curve_gives_way_to_what_it_only_mimics(tmp_path, hidden, simpler):
+    """Fails if a curve keeps the name of a darker exposure, or if a camera's real curve loses its own to several others."""
+    case, _ = generated_case(tmp_path, "single", hidden, seed="mimics")
+    search = Search(case)
+    base = search.fitted([])
+    twin = search.fitted([("tone_curve", library.nulls_of("tone_curve"))])
+    others = ["exposure", "veiling_glare", "ink_reflectance", "colour_balance"]
+    found = Step("tone_curve", twin, (search.null_candidate(base, "exposure"),), ("ink_reflectance",), "levels")
+    first = [search.null_candidate(base, name) for name in others]
+    best = outcome_of(case, [found], [], twin, base.excess)
+    instead = _with_simpler(Selection(search, 60_000, {}), base, first, best, base.excess)
+    assert named(instead) == (simpler or ["tone_curve"])
+    assert instead.twin.names == named(instead)
+    of_the_curve = ("ink_reflectance",)  # doubles that are not another effect's
+    assert instead.steps[0].confused_with == (() if simpler else of_the_curve)
