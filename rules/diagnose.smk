@@ -2,8 +2,8 @@
 
 Needs: expand/, register/CAMERA.json, captures, the twin as configured. Makes: diagnosis/CAMERA.json (the verdict),
 diagnosis/CAMERA/ (observations, tables for pictures), tables/ladder.csv. Photographs of a board go the same way; points are
-all that is known of them. Cameras go in turn, each on two cores, so that the
-first verdict comes early. No Blender in the loop: the fit draws the known plates itself (scripts/gap/predict/, held to
+all that is known of them. Cameras go side by side where there are fewer than two cores for each, so that none waits for two
+cores that are free at once. No Blender in the loop: the fit draws the known plates itself (scripts/gap/predict/, held to
 Blender's renders by a test).
 """
 
@@ -39,11 +39,47 @@ rule observe_captures:
         "../scripts/observe_captures.py"
 
 
+if BOARD and config["diagnose"]["cells"]:
+
+    rule observe_patches:
+        input:
+            scene=f"{RESULTS}/expand/{{camera}}/scene.json",
+            register_json=f"{RESULTS}/register/{{camera}}.json",
+            observations=f"{RESULTS}/diagnosis/{{camera}}/observations.npz",
+            images=captures_of,
+            code=imports_of("observe_patches.py"),
+            effect_code=code_of_effects(effects_that_look()),
+        output:
+            patches=f"{RESULTS}/diagnosis/{{camera}}/patches.npz",
+        log:
+            f"{RESULTS}/logs/observe_patches/{{camera}}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/observe_patches/{{camera}}.tsv"
+        priority: 50
+        conda:
+            "../envs/twingap.yaml"
+        resources:
+            mem_mb=mem_mb_of("observe_captures"),
+            runtime=runtime_of("observe_captures"),
+        params:
+            campaign=CAMPAIGN,
+            pins=locked("numpy", "scipy", "numba", "opencv-contrib-python-headless"),
+        message:
+            "Measuring the board's cells in the photographs of {wildcards.camera}"
+        script:
+            "../scripts/observe_patches.py"
+
+
 rule diagnose_camera:
     input:
         scene=f"{RESULTS}/expand/{{camera}}/scene.json",
         register_json=f"{RESULTS}/register/{{camera}}.json",
         observations=f"{RESULTS}/diagnosis/{{camera}}/observations.npz",
+        patches=(
+            f"{RESULTS}/diagnosis/{{camera}}/patches.npz"
+            if BOARD and config["diagnose"]["cells"]
+            else []
+        ),
         code=imports_of("diagnose_camera.py"),
         effect_code=diagnosis_effect_code,
     output:
@@ -61,11 +97,11 @@ rule diagnose_camera:
         f"{RESULTS}/logs/diagnose_camera/{{camera}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/diagnose_camera/{{camera}}.tsv"
-    # the diagnosis is the longest way: it goes first
-    priority: 40
+    # the longest way, and what one waits for: it goes first
+    priority: 70
     conda:
         "../envs/twingap.yaml"
-    threads: 2
+    threads: 2 if (workflow.cores or 1) >= 2 * len(CAMERAS) else 1
     resources:
         mem_mb=mem_mb_of("diagnose_camera"),
         runtime=runtime_of("diagnose_camera"),

@@ -10,8 +10,10 @@ import numpy as np
 from effects.base import View
 from gap.board import board_case, local_noise_px
 from gap.measure.capture import Codes, Observation, read_rgb
+from gap.photographs import photographs_case
 from gap.problem import MARGIN_PX, Capture, Case, encoding_table
 from inputs import tables
+from inputs.campaign import Board
 from inputs.images import read_image
 from inputs.scene import load_scene
 from register.board_checks import MIN_PHOTOGRAPHS
@@ -19,8 +21,10 @@ from register.boards import LEAST_POINTS
 from register.calibration import NAMES, matrix_of
 from register.registration import NO_PRIOR, pose_from_plane, prior_of
 from rig.errors import InputError
-from rig.geometry import camera_matrix, make_pose
+from rig.geometry import camera_matrix, make_pose, perturb_pose
+from rig.patches import board_patches
 
+MIN_PATCHES = 4  # of a photograph, that say something of it
 OBSERVED = (
     "features",
     "information",
@@ -107,6 +111,31 @@ def load_measured(expand, register_json, camera, observations):
     return board_case(
         facts["name"], camera, load_scene(expand), views, captures.trial, points, pixels, noise_px, *given
     )
+
+
+def load_patches(expand, register_json, camera, patches, points, twin):
+    """Return the PhotographsCase of what was measured in ``patches``, a file, its poses and lens those of a twin of the BoardCase
+    ``points``.
+
+    Raises ValueError where too few photographs show patches.
+    """
+    target = json.loads((Path(expand) / "scene.json").read_text())["target"]
+    case = load_photographs(expand, register_json, camera, Board.model_validate(target))
+    load_observations(patches, case)
+    case.thin()
+    if sum(c.observation.measured.sum() >= MIN_PATCHES for c in case.captures) < MIN_PHOTOGRAPHS:
+        raise ValueError("too few photographs show the board's cells at a size that can be measured")
+    for mine, theirs, pose in zip(case.captures, points.captures, twin.poses, strict=True):
+        mine.view = replace(theirs.view, T_cam_world=perturb_pose(theirs.view.T_cam_world, pose))
+    case.given = tuple(twin.effects)
+    return case
+
+
+def load_photographs(expand, register_json, camera, board):
+    """Return the PhotographsCase of one camera's photographs of a board (inputs.campaign.Board), nothing measured yet."""
+    facts, captures, views = load_views(expand, register_json, camera)
+    made = [Capture(view, int(trial)) for view, trial in zip(views, captures.trial, strict=True)]
+    return photographs_case(facts["name"], camera, load_scene(expand), made, board_patches(board))
 
 
 def without_lens(pixels, register_json):

@@ -20,6 +20,8 @@ import pandas as pd
 
 import job
 from case_files import load_measured, read_capture
+from diagnose_patches import both_looks, look_at_patches, rows_of_both
+from effects import library
 from effects.contract import available_effects
 from gap import ladder
 from gap.board import scales_alone, seen_by_points
@@ -37,7 +39,7 @@ from outcome_store import OutcomeStore
 log = logging.getLogger("twingap")
 MAX_PLACES, MAX_LEFT = 8, 5
 IN_THE_TWIN = "in the twin already"
-ONLY_POINTS = "board photographs show no known levels, light or stations"
+ONLY_POINTS = "a board's own size and mount, and light that is not declared, cannot be told from its photographs"
 WITH_ALL = "intrinsics are unknown: fitted with everything"
 
 
@@ -105,6 +107,7 @@ def diagnose_camera(
     campaign,
     camera,
     observations,
+    patches,
     effects,
     free,
     candidates,
@@ -119,7 +122,8 @@ def diagnose_camera(
 ):
     """Go from the twin as configured to the verdict and write everything that tells how.
 
-    effects [[name, parameters], ...] and free [[effect, parameter], ...] of the twin as configured; ``candidates`` are names
+    ``patches`` is the file of what a board's cells show, None where points alone are looked at. effects [[name, parameters], ...]
+    and free [[effect, parameter], ...] of the twin as configured; ``candidates`` are names
     of effects; ``budget`` counts predictions of one capture. ``kept`` is a folder of earlier outcomes (gap.kept); what they
     depend on besides are the measurements and the files of ``code`` and ``effect_code``.
     """
@@ -155,20 +159,37 @@ def diagnose_camera(
     } | verdict_record(base, first, outcome, nuisances)
     if nuisances:
         result["nuisances"] = {n: p for n, p in twin.effects if n in nuisances}
+    images = _images(expand, campaign, camera, case, search.test) if case.draws else {}
+    rungs = ladder_twins(base, outcome.steps, len(nuisances))
+    rows = ladder.rungs(search.solver, rungs, search.test, images, twin.floors)
     if not case.draws:
         result["floor"] = {"corners_px": case.noise_px} | twin.floors
+    if patches:
+        files = expand, register_json, camera, patches
+        facts = camera, sorted(fixed), twin.effects, twin.poses.tobytes()
+        of_patches = stored_outcomes(
+            f"{kept}/patches", [*code, *effect_code, patches, observations, register_json], expand, facts
+        )
+        try:
+            closely, own, tried, closer, hidden = look_at_patches(
+                files, case, outcome, list(not_looked_at), budget, threads, teller(camera), of_patches
+            )
+            of_patches.drop_unused()
+        except ValueError as why:
+            result["not_looked_at"] = dict.fromkeys(not_looked_at, str(why)) | result["not_looked_at"]
+        else:
+            result["not_looked_at"] = {n: w for n, w in not_looked_at.items() if library.is_pure_geometry(n)} | hidden
+            result = both_looks(result, verdict_record(own, tried, closer), closely, base, outcome.steps)
+            rows = rows_of_both(rows, closely, closer, rungs)
     with job.write_atomically(out) as file:
         json.dump(job.clean(result), file, indent=1, sort_keys=True)
-    images = _images(expand, campaign, camera, case, search.test) if case.draws else {}
-    rows = ladder.rungs(
-        search.solver, ladder_twins(base, outcome.steps, len(nuisances)), search.test, images, twin.floors
-    )
     with job.write_atomically(out_ladder) as file:
         pd.DataFrame(rows).assign(camera=camera).to_csv(file, index=False, lineterminator="\n")
     if case.draws:
         worst = max(search.test, key=lambda i: np.mean(flatten(base.groups[i]) ** 2))
         write_example(search.solver, worst, images[worst], (base, twin), out_gaps)
-    log.info("%s: %s; gap %.2f -> %.2f floors", camera, outcome.verdict, result["gap_as_configured"], twin.gap)
+    told = camera, result["verdict"], result["gap_as_configured"], result["gap"]
+    log.info("%s: %s; gap %.2f -> %.2f floors", *told)
 
 
 def teller(camera):
@@ -300,6 +321,7 @@ if __name__ == "__main__":
         campaign=snakemake.params.campaign,
         camera=snakemake.wildcards.camera,
         observations=snakemake.input.observations,
+        patches=snakemake.input.get("patches") or None,
         effects=snakemake.params.effects,
         free=snakemake.params.free,
         candidates=snakemake.params.candidates,

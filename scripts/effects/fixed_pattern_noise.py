@@ -13,6 +13,7 @@ from job import seed_of
 
 STAGE, ORDER = "sensor", 15
 AFFECTS = "intensity"
+NEEDS_REPEATS = True
 PARAMETERS = {
     "prnu": Parameter(
         unit="1", lower=0.0, upper=0.2, null=0.0, matters=0.005, doc="standard deviation of the pixels' gains"

@@ -77,6 +77,11 @@ def is_pure_geometry(name):
     return affects(name) == "geometry" and not getattr(effect_named(name), "CHROMATIC", False)
 
 
+def needs_repeats(name):
+    """Return whether only repeats of a station tell an effect from others."""
+    return getattr(effect_named(name), "NEEDS_REPEATS", False)
+
+
 def moves_points(name):
     """Return whether an effect moves image points."""
     return hasattr(effect_named(name), "map_points")

@@ -74,7 +74,7 @@ def without_pose(y, Jt, Jp, nu):
     """Return (H, g, (A, b, C)) of one capture's residuals y (n,), its pose eliminated by the block (A, b, C)."""
     weight = 1 / (1 + y * y / nu)
     wJp = weight[:, None] * Jp
-    A = Jp.T @ wJp + 1e-9 * np.eye(6)
+    A = Jp.T @ wJp + 1e-9 * np.eye(Jp.shape[1])
     b = wJp.T @ y
     C = wJp.T @ Jt
     H = Jt.T @ (weight[:, None] * Jt) - C.T @ np.linalg.solve(A, C)
@@ -94,7 +94,7 @@ def scatter_of(groups):
 def weighted_without_pose(y, Jp, change):
     """Return changes (n, m) of a capture's residuals y (n,) as far as its pose cannot follow, robustly weighted."""
     weight = (1 / (1 + y * y / NU))[:, None]
-    back = np.linalg.solve(Jp.T @ (weight * Jp) + 1e-9 * np.eye(6), Jp.T @ (weight * change))
+    back = np.linalg.solve(Jp.T @ (weight * Jp) + 1e-9 * np.eye(Jp.shape[1]), Jp.T @ (weight * change))
     return weight * (change - Jp @ back)
 
 

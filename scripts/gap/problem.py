@@ -7,7 +7,7 @@ import numpy as np
 
 from effects import library, pipeline
 from gap.finder import Finder
-from gap.measure.capture import COARSE_TO_FINE, Codes, grey_of, measure_plates, observe, states_at
+from gap.measure.capture import COARSE_TO_FINE, Codes, classify_flats, grey_of, measure_plates, observe, states_at
 from gap.measure.places import (
     FARTHEST_FOLLOWED_PX,
     SMALLEST_SIDE_PX,
@@ -17,8 +17,10 @@ from gap.measure.places import (
     wholly_inside,
 )
 from gap.measure.plate import STATE_FEATURES
+from gap.measure.regions import choose_regions
 from gap.predict.predictor import Predictor
 from gap.predict.synthesis import Prints, coverages, ground_points, is_lit, shade
+from gap.score import floors_of
 from gap.split import MOST_CAPTURES
 from rig.geometry import perturb_pose, project
 
@@ -94,6 +96,18 @@ class Case:
         """Return the starts [{parameter: value}] of an effect's fit: what many captures show alike, or else the effect's own."""
         shown = self.shows(effect)
         return [library.nulls_of(effect) | shown] if shown else library.starts_of(effect)
+
+    def start_poses(self):
+        """Return the nuisances (captures, k) from which a fit starts: poses about the nominal ones, and light."""
+        return np.array([self.start_pose(i) for i in range(len(self.captures))])
+
+    def start_pose(self, i):
+        """Return the nuisances (k,) of capture i from which a fit starts."""
+        return np.zeros(len(self.sigma_pose))
+
+    def floors_of(self, groups):
+        """Return {group: floor} of captures' residual groups: how far repeats lie apart."""
+        return floors_of(self, groups)
 
     # -- geometry ---------------------------------------------------------------------------------------------
 
@@ -245,8 +259,12 @@ class Case:
         )
         wanted = wholly_inside(starts, capture.view.width, capture.view.height)
         wanted &= np.nan_to_num(code_sides_px(starts)) >= SMALLEST_SIDE_PX
+
+        def regions_of(corners, measured):
+            return choose_regions(classify_flats(grey.shape, corners, measured, outlines, capture.view, self.codes))
+
         capture.observation, capture.noise_variance = observe(
-            image, starts, outlines, wanted, capture.view, self.codes, COARSE_TO_FINE
+            image, starts, wanted, self.codes, COARSE_TO_FINE, regions_of
         )
         capture.starts = library.starts_seen(image)
 
@@ -260,7 +278,7 @@ class Case:
 
 
 def _moved(scene, view, delta):
-    return replace(view, T_cam_world=scene.T_cam_mount @ perturb_pose(view.T_cam_world, delta))
+    return replace(view, T_cam_world=scene.T_cam_mount @ perturb_pose(view.T_cam_world, delta[:6]))
 
 
 def printed_plates(scene):

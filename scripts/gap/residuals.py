@@ -33,7 +33,9 @@ RHO_NOISE = rho_of_noise()
 class Whitener:
     """What turns one capture's residuals into unit-variance ones; made once from the real observation."""
 
-    def __init__(self, capture, with_noise):
+    def __init__(self, capture, with_noise, n_pose=6):
+        """``n_pose`` counts the capture's nuisances, pose and light."""
+        self.n_pose = n_pose
         o = capture.observation
         self.plates = np.flatnonzero(o.measured)
         s2 = capture.noise_variance
@@ -50,8 +52,16 @@ class Whitener:
         self.colour_sd = np.hypot(sd[:, OF_COLOUR[:colours]], COLOUR_FLOOR[:colours])
         with np.errstate(divide="ignore"):
             self.field_sd = np.sqrt(s2 / np.maximum(o.field_n, 1) + FIELD_FLOOR_DN**2 + rounding_variance(s2))
+        self.cells = slice(None) if (o.field_n > 0).any() else slice(0)  # a board's photograph shows no ground
+        self.field_sd = self.field_sd[self.cells]
         self.noise_sd = np.sqrt(2 * o.noise_se**2 + NOISE_FLOOR**2)  # the twin's is drawn as well
         self.with_noise = with_noise
+
+    @property
+    def size(self):
+        """The number of all residuals of the capture."""
+        rest = self.colour_sd.size + len(self.field_sd) + (len(self.noise_sd) if self.with_noise else 0) + self.n_pose
+        return len(self.plates) * len(self.floor) + rest
 
     def residuals(self, observation, prediction):
         """Return {group: whitened residuals} of real minus twin, NaN-free; plates first axis kept as (p, k)."""
@@ -63,7 +73,8 @@ class Whitener:
         y[lost] = LOST_PLATE
         colour = (observation.colour[k] - prediction.colour[k]) / self.colour_sd
         colour[lost] = 0
-        out = _by_group(y, colour, np.nan_to_num((observation.field - prediction.field) / self.field_sd))
+        field = (observation.field - prediction.field)[self.cells] / self.field_sd
+        out = _by_group(y, colour, np.nan_to_num(field))
         if prediction.noise is not None:
             out["noise"] = np.nan_to_num((observation.noise - prediction.noise) / self.noise_sd)
         return out
@@ -73,17 +84,16 @@ class Whitener:
         k = self.plates
         y = np.einsum("pij,pj->pi", self.lower_inverse, np.nan_to_num(change.features[k]))
         y[~change.measured[k]] = 0
-        out = _by_group(y, change.colour[k] / self.colour_sd, np.nan_to_num(change.field / self.field_sd))
+        out = _by_group(y, change.colour[k] / self.colour_sd, np.nan_to_num(change.field[self.cells] / self.field_sd))
         if change.noise is not None:
             out["noise"] = np.nan_to_num(change.noise / self.noise_sd)
-        return flatten(out | {"pose": np.zeros(6)})
+        return flatten(out | {"pose": np.zeros(self.n_pose)})
 
     def whitened_features(self, change):
         """Return what ``whitened`` does (n, m) where plates' features change by (plates that were measured, 19, m) alone."""
         y = np.einsum("pij,pjm->pim", self.lower_inverse, change)
-        rest = self.colour_sd.size + len(self.field_sd) + (len(self.noise_sd) if self.with_noise else 0) + 6
         parts = [y[:, part].reshape(-1, change.shape[2]) for part in FEATURE_GROUPS.values()]
-        return np.concatenate([*parts, np.zeros((rest, change.shape[2]))])
+        return np.concatenate([*parts, np.zeros((self.size - y.shape[0] * y.shape[1], change.shape[2]))])
 
 
 def _by_group(y, colour, field):

@@ -10,12 +10,12 @@ import numpy as np
 
 from effects import library, pipeline
 from gap.discrete import Discrete
-from gap.evidence import evidence_of, first_order_gains, start_step
+from gap.evidence import evidence_of, first_order_gains, shares_told, start_step
 from gap.kept import kept
 from gap.normal_equations import gains_of_step, normal_equations
 from gap.parameters import fitted_parameters, is_geometric, spec
 from gap.residuals import GROUPS, NU, flatten, lost_plates, rho, total, width_of
-from gap.score import floors_of, group_gaps, group_losses
+from gap.score import group_gaps, group_losses
 from gap.solver import Solver
 from gap.split import probes, split_by_station, thinned, usable
 from gap.twin import Candidate, Twin
@@ -89,7 +89,7 @@ class Search:
         free = self.free(effects)
         geometric = [f for f in free if is_geometric(f)]
         if poses is None:
-            poses = np.zeros((len(self.problem.captures), 6))
+            poses = self.problem.start_poses()
             offsets, scale = self.solver.no_offsets(), SCALE_FROM_AFAR
         else:  # near: corners tell more than points once what their fit adds is known
             offsets = self.solver.offsets_of(effects, poses, self.train)
@@ -113,7 +113,7 @@ class Search:
         The second is more where noise meets a codec's leaps, or where a pattern repeats that only the real sensor knows;
         it counts where the twin's noise is like the real one.
         """
-        floors = floors_of(self.problem, groups)
+        floors = self.problem.floors_of(groups)
         if group_gaps(groups, {}).get("noise", np.inf) > MAX_NOISE_GAP:
             return floors
         own = self.solver.each(lambda i: self.solver.own_scatter(i, effects, poses[i]), probes(self.train))
@@ -203,6 +203,13 @@ class Search:
             left = [n for n in others if n not in taken]
             taken.append(max(left, key=lambda n: gain_of([*taken, n]).sum()))
         return taken if taken and gain_of(taken).sum() >= enough else []
+
+    def shares_told(self, twin, names):
+        """Return {effect: share of its information that poses and light leave} of effects that a twin has not."""
+        free = [(n, k) for n in names for k in library.fitted_parameters(n) if not spec((n, k)).auxiliary]
+        effects = [*twin.effects, *((n, library.nulls_of(n)) for n in names)]
+        indices, groups, nu = self._probed(twin)
+        return shares_told(free, self.solver.derivatives(effects, free, twin.poses, indices, start_step), groups, nu)
 
     def _prepared_for(self, twin):
         """Return (probes, their derivatives by the twin's parameters), made once for a twin.

@@ -84,6 +84,10 @@ class Diagnose(Settings):
         le=10_000_000,
         description="predictions of one capture that a diagnosis may take; some 20 ms each",
     )
+    cells: bool = Field(
+        False,
+        description="look at a board's cells (blur, noise, colour) besides its points: on trial, takes a quarter of an hour",
+    )
 
 
 class Explore(Settings):

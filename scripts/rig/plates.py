@@ -106,6 +106,17 @@ def board_plate(rectangles, squares_x, squares_y, square_m):
     return Plate("board", T, x, y, white)
 
 
+def black_rectangles(plate):
+    """Return the black area of a plate as disjoint rectangles (n, 4): x0, y0, x1, y1 in metres, runs along x."""
+    rectangles = []
+    for row in range(len(plate.y_m) - 1):
+        black = np.concatenate([[0], ~plate.white[row], [0]]).astype(int)
+        starts, ends = np.flatnonzero(np.diff(black) == 1), np.flatnonzero(np.diff(black) == -1)
+        for a, b in zip(starts, ends, strict=True):
+            rectangles.append([plate.x_m[a], plate.y_m[row], plate.x_m[b], plate.y_m[row + 1]])
+    return np.array(rectangles, float).reshape(-1, 4)
+
+
 def spread_ink(plate, spread_m):
     """Return the plate with the boundaries of black moved outward by ``spread_m`` (inward where negative).
 

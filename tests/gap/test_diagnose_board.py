@@ -22,7 +22,7 @@ def verdict_on(campaign, folder, candidates=None):
     candidates = candidates or sorted(library.available_effects())
     out = folder / "out.json", folder / "ladder.csv", folder
     measured = expand, intrinsics, campaign, camera, observations
-    diagnose_camera(*measured, [], [], candidates, 60_000, 1, [], [], folder / "kept", *out)
+    diagnose_camera(*measured, None, [], [], candidates, 60_000, 1, [], [], folder / "kept", *out)
     return json.loads(out[0].read_text()), pd.read_csv(out[1]), pd.read_parquet(folder / "plates.parquet")
 
 

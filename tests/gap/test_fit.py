@@ -59,6 +59,7 @@ def whitener_of_one_plate():
     """Return a Whitener that whitens nothing: one plate, no colour, field or noise."""
     whitener = object.__new__(Whitener)
     whitener.plates, whitener.lower_inverse, whitener.with_noise = np.array([0]), np.eye(19)[None], False
+    whitener.n_pose = 6
     whitener.field_sd, whitener.colour_sd, whitener.floor = np.zeros(0), np.ones((1, 10)), FEATURE_FLOOR
     return whitener
 

@@ -25,13 +25,12 @@ from gap.measure.regions import (
     NOISE_FEATURES,
     SKY,
     _classify_plate,
-    choose_regions,
     flat_classes,
     noise_features,
 )
 from gap.measure.response import plate_response
-from gap.predict.synthesis import black_rectangles
 from gap.predict.windows import make_atlas
+from rig.plates import black_rectangles
 
 COLOUR_FEATURES = (
     "red_white", "red_black", "red_ground", "red_dx", "red_dy",
@@ -57,14 +56,18 @@ WORST_MISFIT = 0.15  # of the contrast: a fit to something else than the plate l
 def grey_of(image):
     """Return the mean (H, W) float32 over the channels of an image (H, W, C)."""
     image = np.ascontiguousarray(image, np.float32)
-    if image.shape[2] == 1:
+    if image.shape[2] == 1 or not image.size:
         return image[..., 0]
     return cv2.transform(image, np.full((1, image.shape[2]), 1 / image.shape[2], np.float32))
 
 
 @dataclass
 class Codes:
-    """The nominal plates as the fit needs them: arrays over plates."""
+    """The nominal plates as the fit needs them: arrays over plates.
+
+    ``beyond`` are the metres that white goes on beyond what is looked at: a board's patches end on its paper. ``worst_misfit``
+    is the largest share of the contrast that a fit may leave.
+    """
 
     half_code: np.ndarray
     half_plate: np.ndarray
@@ -73,6 +76,8 @@ class Codes:
     all_rectangles: np.ndarray
     levels: np.ndarray
     lut: np.ndarray
+    beyond: float = 0.0
+    worst_misfit: float = WORST_MISFIT
 
     @property
     def contrast_dn(self):
@@ -83,9 +88,12 @@ class Codes:
     @classmethod
     def of(cls, plates, levels, lut):
         """Build from marker plates (a code with one white ring round it), linear levels (3,) and the encoding's table."""
-        half_code = np.array([p.x_m[-2] for p in plates])
-        half_plate = np.array([p.x_m[-1] for p in plates])
-        rectangles = [black_rectangles(p) for p in plates]
+        halves = np.array([(p.x_m[-2], p.x_m[-1]) for p in plates])
+        return cls.of_squares(*halves.T, [black_rectangles(p) for p in plates], levels, lut)
+
+    @classmethod
+    def of_squares(cls, half_code, half_plate, rectangles, levels, lut, beyond=0.0, worst_misfit=WORST_MISFIT):
+        """Build from half the sides of codes and plates (p,), their black rectangles [(n, 4)], the rest as ``of``."""
         first = np.concatenate([[0], np.cumsum([len(r) for r in rectangles])])
         return cls(
             half_code,
@@ -95,6 +103,8 @@ class Codes:
             np.concatenate(rectangles),
             np.asarray(levels, float),
             lut,
+            beyond,
+            worst_misfit,
         )
 
 
@@ -186,11 +196,11 @@ def measure_plates(grey, states, wanted, codes, radii):
 def measure_one(grey, state, codes, i, radii=FINE):
     """Return (features (19,), information (19, 19), whether it was measured, misfit variance) of plate i in a grey image."""
     f, information, _, variance, _, ok = measure_plate(
-        grey, np.ascontiguousarray(state), codes.half_code[i], codes.half_plate[i], codes.rectangles[i],
-        codes.levels, codes.lut, RIDGE, radii, FARTHEST_PX,
+        grey, np.ascontiguousarray(state), codes.half_code[i], codes.half_plate[i], codes.beyond,
+        codes.rectangles[i], codes.levels, codes.lut, RIDGE, radii, FARTHEST_PX,
     )  # fmt: skip
     contrast = codes.contrast_dn + f[WHITE] - f[BLACK]
-    if ok and contrast > LEAST_CONTRAST * codes.contrast_dn and np.sqrt(variance) < WORST_MISFIT * contrast:
+    if ok and contrast > LEAST_CONTRAST * codes.contrast_dn and np.sqrt(variance) < codes.worst_misfit * contrast:
         return f, information, True, variance
     return np.full(N_FEATURES, np.nan), np.zeros((N_FEATURES, N_FEATURES)), False, np.nan
 
@@ -198,8 +208,8 @@ def measure_one(grey, state, codes, i, radii=FINE):
 def responses_of(grey, features, codes, i):
     """Return what ``gap.measure.plate.plate_response`` says of plate i, measured in a grey image (H, W) as features (19,)."""
     return plate_response(
-        grey, states_of(features[None])[0], codes.half_code[i], codes.half_plate[i], codes.rectangles[i],
-        codes.levels, codes.lut, RIDGE,
+        grey, states_of(features[None])[0], codes.half_code[i], codes.half_plate[i], codes.beyond,
+        codes.rectangles[i], codes.levels, codes.lut, RIDGE,
     )  # fmt: skip
 
 
@@ -209,7 +219,7 @@ def colour_responses_of(shape, corners, codes, i):
         shape,
         np.ascontiguousarray(corners),
         codes.half_code[i],
-        codes.half_plate[i],
+        codes.half_plate[i] + codes.beyond,
         codes.rectangles[i],
         codes.levels,
         codes.lut,
@@ -331,11 +341,12 @@ def noise_amplification(grey, features, information, measured, codes):
     return np.sqrt(np.where(squares > CHANCE, squares, 1.0))
 
 
-def observe(image, starts, outlines, wanted, view, codes, radii):
+def observe(image, starts, wanted, codes, radii, regions_of):
     """Measure one image (H, W, C) of grey levels (0..255, float or uint8; red first).
 
-    starts (p, 4, 2) predicted corners of the codes; outlines (p, 4, 2) predicted outlines of the plates. Return (Observation,
-    variance of the noise of the mean over channels where it is least, squared grey levels).
+    starts (p, 4, 2) predicted corners of the codes; ``regions_of`` returns the regions (80, 4) of an image of measured plates,
+    its arguments corners (p, 4, 2) and measured (p,). Return (Observation, variance of the noise of the mean over channels where
+    it is least, squared grey levels).
     """
     image = image.astype(np.float32)
     grey = grey_of(image)
@@ -345,10 +356,10 @@ def observe(image, starts, outlines, wanted, view, codes, radii):
     corners = features[:, :8].reshape(-1, 4, 2)
     measured = agreeing(starts, corners, measured & (amplified < MOST_AMPLIFIED))
     colour = measure_colour(image, corners, measured, codes)
-    regions = choose_regions(classify_flats(grey.shape, corners, measured, outlines, view, codes))
+    regions = regions_of(corners, measured)
     plates, wanted = np.flatnonzero(measured), np.flatnonzero(regions[:, 2])
     cores = np.concatenate([plate_cores(corners, codes, plates), regions[wanted]])
-    atlas = make_atlas(cores, 0, (view.width, view.height))
+    atlas = make_atlas(cores, 0, grey.shape[::-1])
     seen = atlas.gather(image)
     field, field_n = measure_regions(grey_of(seen), atlas, plates, wanted)
     classes = window_classes(atlas, plates, corners, codes, wanted)

@@ -17,6 +17,7 @@ FEATURES = (
     "spread_x", "spread_y", "spread_xy", "overshoot", "ink", "rim",
 )  # fmt: skip
 N_FEATURES = len(FEATURES)
+LEVELS = slice(8, 13)  # of the features and of the state
 RIM_STEP_PX = 0.25  # of the difference that says how the plate's outline moves
 FARTHEST_RIM = 1.5  # of the plate's half side
 N_STATE = 14  # what iterations move: eight corners, five levels, the rim
@@ -285,12 +286,12 @@ def _accelerated(state, step, before, changes, n):
 
 
 @njit(cache=True, nogil=True)
-def measure_plate(image, start, half_code, half_plate, rectangles, levels, lut, ridge, radii, max_px):
+def measure_plate(image, start, half_code, half_plate, beyond, rectangles, levels, lut, ridge, radii, max_px):
     """Fit one plate.
 
     image        (H, W) float32 grey levels; start (14,) predicted corners of the code, pixels, shifts of the five levels,
                  and how far the plate reaches beyond ``half_plate``, pixels
-    half_code, half_plate  metres; rectangles (n, 4) black area, metres
+    half_code, half_plate  metres; beyond  metres that white goes on where the patch ends; rectangles (n, 4) black area, metres
     levels       linear values of white, black, ground; lut grey level of linear values 0..1
     ridge        (19,) prior precision of each coefficient in units of one grey level's noise
     radii        box radii of the coarse-to-fine passes, ending in 0; max_px how far corners may go from ``start``
@@ -318,7 +319,8 @@ def measure_plate(image, start, half_code, half_plate, rectangles, levels, lut, 
                 return values, info, corners, variance, size, 0.0
             patch = image[y0:y1, x0:x1].astype(np.float64)
             shifts = state[8:13]
-            B, residual = _expand(patch, corners, half_code, outline, rectangles, levels, shifts, lut, x0, y0, radius)
+            white = outline + beyond
+            B, residual = _expand(patch, corners, half_code, white, rectangles, levels, shifts, lut, x0, y0, radius)
             prior = ridge.copy()
             if radius > 0:
                 prior[13:18] = 1e12

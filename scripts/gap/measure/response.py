@@ -20,7 +20,7 @@ PIXEL_STEP_PX = 0.05  # of the corners, for how the model changes with them
 
 
 @njit(cache=True, nogil=True)
-def plate_response(image, state, half_code, half_plate, rectangles, levels, lut, ridge):
+def plate_response(image, state, half_code, half_plate, beyond, rectangles, levels, lut, ridge):
     """Return (response (19, n), x0, y0, rows, columns): by what the features of a plate change with each pixel of a window.
 
     The plate was measured in ``image`` and its state (14,) is where the fit ended; the window is (rows, columns) from x0, y0.
@@ -33,7 +33,7 @@ def plate_response(image, state, half_code, half_plate, rectangles, levels, lut,
     x0, y0, x1, y1 = plate_window(code_homography(corners, half_code), outline, 3)
     x0, y0, x1, y1 = max(x0, 0), max(y0, 0), min(x1, image.shape[1]), min(y1, image.shape[0])
     patch = image[y0:y1, x0:x1].astype(np.float64)
-    B, residual = _expand(patch, corners, half_code, outline, rectangles, levels, state[8:13], lut, x0, y0, 0)
+    B, residual = _expand(patch, corners, half_code, outline + beyond, rectangles, levels, state[8:13], lut, x0, y0, 0)
     c, M, _, _ = _solve(B, residual, ridge)
     flat, left = B.reshape(N_FEATURES, -1), residual.copy().ravel()
     by_pixel = np.linalg.solve(M, flat)
@@ -51,13 +51,16 @@ def plate_response(image, state, half_code, half_plate, rectangles, levels, lut,
         outline = half_plate + moved[RIM] / px_per_m(corners, half_code)
         outline = min(max(outline, half_code), FARTHEST_RIM * half_plate)
         B_there, left_there = _expand(
-            patch, corners, half_code, outline, rectangles, levels, state[8:13], lut, x0, y0, 0
+            patch, corners, half_code, outline + beyond, rectangles, levels, state[8:13], lut, x0, y0, 0
         )
         flat_there = B_there.reshape(N_FEATURES, -1)
         there = flat_there @ unexplained - own
         there += flat @ (left_there.copy().ravel() - left - c @ flat_there + explained)
         by_state[:, k] = np.linalg.solve(M, there) / PIXEL_STEP_PX
     moving = STATE_FEATURES
+    for k in range(N_STATE):
+        if not by_state[:, k].any():  # a board's paper has neither ground nor outline
+            by_state[moving[k], k] = -1.0
     state_by_pixel = -np.linalg.solve(by_state[moving], by_pixel[moving])
     response = by_pixel + by_state @ state_by_pixel
     for k in range(N_STATE):

@@ -26,13 +26,14 @@ from gap.measure.capture import (
     states_of,
     window_classes,
 )
-from gap.measure.plate import N_FEATURES
+from gap.measure.plate import LEVELS, N_FEATURES
 from gap.measure.response import respond
 from gap.predict.synthesis import shade, window_coverages, window_ground_points
 from gap.predict.windows import make_atlas
 from job import seed_of
 
 KEPT = 4000  # predictions, some 20 kB each
+N_POSE = 6  # numbers of a capture's nuisances that are its pose; its light follows
 SCENES_KEPT = 12  # windows with all steps of their image formation, 10 to 200 MB each
 FARTHEST_OFF_PX = 400.0  # beyond the frame: what lies farther off is not looked at
 CLEAR_PX = 14  # of ground that is taken for ground, about a plate
@@ -136,7 +137,9 @@ class Shown:
         cores = np.concatenate([cores, self.observation.regions[self.regions]])
         reach = pipeline.reach_px(pipeline.left_to_apply(effects))
         self.atlas = make_atlas(cores, reach, (capture.view.width, capture.view.height))
-        self.radiance = self._radiance(effects)
+        self.light = pose[N_POSE:]
+        self.unlit = self._unlit(effects)
+        self.radiance = self._lit(self.unlit, self.light)
         self.expected = self._form(self.radiance, effects, None)
         self.noisy = self._form(self.radiance, effects, self._numbers()) if with_noise else None
 
@@ -162,6 +165,10 @@ class Shown:
 
     def _radiance(self, effects):
         """Return the linear radiance (rows, columns, C) of the windows."""
+        return self._lit(self._unlit(effects), self.light)
+
+    def _unlit(self, effects):
+        """Return the radiance as ``_radiance`` does, under declared light alone."""
         problem = self.problem
         view = self.problem.view_of(self.capture, effects, self.pose)
         scene, prints, _ = problem.scene_of(effects)
@@ -182,6 +189,16 @@ class Shown:
                 ground.append(window_ground_points(view, self.atlas, mapping))
             planes.append(shade(scene, view, *covers, ground[0] if ground else None))
         return np.stack(planes, axis=-1).astype(np.float32)
+
+    def _lit(self, radiance, light):
+        """Return the radiance (rows, columns, C) under the capture's own light (k,), of none where k is 0."""
+        return self.problem.lit(radiance, light, *self._ground).astype(np.float32) if len(light) else radiance
+
+    @cached_property
+    def _ground(self):
+        """World x and y (rows, columns) of the board's plane at the windows' pixels, by exact rays of the pinhole."""
+        view = self.problem.view_of(self.capture, self.effects, self.pose)
+        return window_ground_points(view, self.atlas, None)
 
     def _numbers(self, name="fit noise"):
         seed = seed_of(self.problem.campaign, self.problem.camera, self.capture.view.capture, name)
@@ -241,6 +258,8 @@ class Shown:
             offset = np.tile(self.atlas.offset(k), 4)
             state = states[i].copy()
             state[:8] -= offset
+            if len(self.light):  # under unknown light levels are near the real ones, not near the nominal
+                state[LEVELS] = self.observation.features[i, LEVELS]
             window = np.ascontiguousarray(grey[self.atlas.window(k)])
             features[i], _, measured[i], _ = measure_one(window, state, self.codes, i)
             features[i, :8] += offset
@@ -274,7 +293,16 @@ class Shown:
         Features change to first order in the image (``by_response``: what that takes serves many changes), or are measured again
         from where they were.
         """
-        radiance = self.radiance if drawn_key(effects) == drawn_key(self.effects) else self._radiance(effects)
+        same = drawn_key(effects) == drawn_key(self.effects)
+        return self._changed(self.radiance if same else self._radiance(effects), effects, by_response)
+
+    def changes_by_light(self, step):
+        """Return the Prediction's changes, a list over the numbers that tell the capture's light, each one ``step`` larger."""
+        more = (self._lit(self.unlit, self.light + step * one) for one in np.eye(len(self.light)))
+        return [self._changed(radiance, self.effects, True) for radiance in more]
+
+    def _changed(self, radiance, effects, by_response):
+        """Return the Prediction's change where the windows' radiance and the effects become others."""
         like = self.expected if radiance is self.radiance else None
         levels = self._levels(self._form(radiance, effects, None, like))
         change = levels - self.levels

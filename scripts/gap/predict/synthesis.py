@@ -10,20 +10,10 @@ from effects.base import highlight_radiance, light_factor
 from gap.predict import windows
 from gap.predict.raster import add_polygons, add_spread_polygons, running_sum
 from rig.geometry import project, transform
+from rig.plates import black_rectangles
 
 EDGE_STEP_PX = 8.0  # edges bent by a lens are drawn in straight pieces no longer than this
 FARTHEST_GROUND_M = 1e3
-
-
-def black_rectangles(plate):
-    """Return the black area of a plate as disjoint rectangles (n, 4): x0, y0, x1, y1 in metres, runs along x."""
-    rectangles = []
-    for row in range(len(plate.y_m) - 1):
-        black = np.concatenate([[0], ~plate.white[row], [0]]).astype(int)
-        starts, ends = np.flatnonzero(np.diff(black) == 1), np.flatnonzero(np.diff(black) == -1)
-        for a, b in zip(starts, ends, strict=True):
-            rectangles.append([plate.x_m[a], plate.y_m[row], plate.x_m[b], plate.y_m[row + 1]])
-    return np.array(rectangles, float).reshape(-1, 4)
 
 
 def rectangle_corners(rectangles):
