@@ -2,8 +2,8 @@
 
 Needs: expand/, register/CAMERA.json, captures, the twin as configured. Makes: diagnosis/CAMERA.json (the verdict),
 diagnosis/CAMERA/ (observations, tables for pictures), tables/ladder.csv. Photographs of a board go the same way; points are
-all that is known of them. Cameras go side by side where there are fewer than two cores for each, so that none waits for two
-cores that are free at once. No Blender in the loop: the fit draws the known plates itself (scripts/gap/predict/, held to
+all that is known of them. Of several cameras each takes one core, so that none waits for two
+that are free at once. No Blender in the loop: the fit draws the known plates itself (scripts/gap/predict/, held to
 Blender's renders by a test).
 """
 
@@ -101,7 +101,7 @@ rule diagnose_camera:
     priority: 70
     conda:
         "../envs/twingap.yaml"
-    threads: 2 if (workflow.cores or 1) >= 2 * len(CAMERAS) else 1
+    threads: 2 if len(CAMERAS) == 1 else 1
     resources:
         mem_mb=mem_mb_of("diagnose_camera"),
         runtime=runtime_of("diagnose_camera"),
