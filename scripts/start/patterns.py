@@ -33,6 +33,7 @@ NEAR = 0.015
 FEWEST_SQUARES = (3, 3)
 CHECKED = 4  # photographs in which a chessboard's size is checked by another finder
 ENOUGH_PX = 1000  # longer side, at which a chessboard's squares are counted
+TOGETHER = 2  # markers, that tell how they lie to each other
 LEAST_PHOTOGRAPHS = 3  # that show a chessboard alike: patterns without ids are found where there are none
 
 
@@ -75,14 +76,17 @@ def find_pattern(images, square_m, marker_m, rigs, loose):
         pattern = None if layout is None else _board(name, layout, square_m, marker_m)
         if pattern is not None:
             return pattern
-    pattern = _chessboard(images, square_m)
-    if pattern is not None:
-        return pattern
+    chessboard = _chessboard(images, square_m)
+    # white plates with black markers between them look like squares too
+    if chessboard is not None and not _in_most(found):
+        return chessboard
     if found:
         names = ", ".join(f"{n} ({len(set().union(*(set(s.ids) for s in seen)))} ids)" for n, seen in found.items())
         try:
             return loose(found)
         except InputError as error:
+            if chessboard is not None:
+                return chessboard
             raise InputError(
                 f"there are markers, {names}, which lie neither as on a board nor as on a rig of config/rigs, and where they "
                 f"lie can't be told: {error}; take more photographs, or measure it and write markers.csv "
@@ -92,6 +96,11 @@ def find_pattern(images, square_m, marker_m, rigs, loose):
         "no photograph shows a chessboard, a ChArUco board, a grid of markers or printed plates: is the board whole, flat "
         "and sharp? `make board` prints one"
     )
+
+
+def _in_most(found):
+    """Return whether most photographs show two markers or more of one dictionary."""
+    return any(sum(len(s.ids) >= TOGETHER for s in seen) > len(seen) / 2 for seen in found.values())
 
 
 def _board(dictionary, layout, square_m, marker_m):
@@ -166,7 +175,8 @@ def loose_pattern(found, images, sizes, camera, side_m, focals):
     table = placed.markers
     sightings = [(v, s.quads[k]) for seen in found.values() for v, s in enumerate(seen) for k in range(len(s.ids))]
     paper = plate_over_code(images, *map(list, zip(*sightings, strict=True)))
-    table["plate_m"] = np.round(side * (paper or GUESSED_PLATE), 6)
+    room = room_for_plates(table) / side
+    table["plate_m"] = np.round(side * min(paper or GUESSED_PLATE, room), 6)
     if not placed.flat:  # nothing lies under the ground
         table["z"] -= min(
             0.0, min(marker_corners_world(m._replace(code_m=m.plate_m))[:, 2].min() for m in table.itertuples())
@@ -178,10 +188,24 @@ def loose_pattern(found, images, sizes, camera, side_m, focals):
         f"{first.dictionary}/{first.id}; places estimated from the photographs, standard error {error_mm:.2g} mm"
     )
     how = f"seen: {paper:.2f} of a code" if paper else f"GUESSED: {GUESSED_PLATE:g} of a code"
+    if room < (paper or GUESSED_PLATE):
+        how = f"{room:.2f} of a code: more would cover another marker"
     guesses["plate_m"] = f"the white plates' side, the same for all; {how}"
     if side_m is None:
         guesses["code_m"] = f"GUESSED: all codes have sides of {1000 * side:g} mm, and all places are in proportion"
     return Pattern(None, table, guesses, placed.seen, "", tuple(placed.left_out), placed.focal_px)
+
+
+def room_for_plates(markers):
+    """Return the largest side, metres, that plates round the codes of a table can have without covering another's code."""
+    corners = np.stack([marker_corners_world(m) for m in markers.itertuples()])
+    outlines = np.concatenate([corners, (corners + np.roll(corners, 1, axis=1)) / 2], axis=1)
+    room = np.inf
+    for k, own in enumerate(corners):
+        axes = np.stack([own[1] - own[0], own[0] - own[3]]) / np.linalg.norm(own[1] - own[0])
+        beyond = np.abs((outlines - own.mean(axis=0)) @ axes.T).max(axis=2).min(axis=1)
+        room = min(room, 2 * np.delete(beyond, k).min())
+    return room
 
 
 def _family(dictionary):
