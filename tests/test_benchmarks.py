@@ -70,6 +70,13 @@ def test_what_nobody_measured_is_said_on_the_page():
     assert " 0.20 " in record.page_of(table(row("noise", "a", figure="0.20", unit=""), row("blur", "a", unit="")))
 
 
+def test_growth_is_shown_where_it_was_measured():
+    """Fails if the picture of growth is on no page, or on one without its figures."""
+    growth = row("plan", "python tests/bench/bench_growth.py 100")
+    assert "](growth.png)" in record.page_of(table(growth)) and (PROJECT / "docs/growth.png").is_file()
+    assert "growth.png" not in record.page_of(table(row("blur", "a")))
+
+
 def test_recording_writes_table_and_page(tmp_path):
     """Fails if a benchmark's figures do not reach the page, or their date, machine and commit are left out."""
     path = tmp_path / "benchmarks.csv"

@@ -113,7 +113,8 @@ def draw(table, path):
             axis.loglog(points.n, points.y, "o-", label=what.partition(": ")[2])
         axis.set(xlabel="captures", ylabel=unit)
         axis.grid(alpha=0.3)
-        axis.legend(fontsize=8)
+        if axis.lines:
+            axis.legend(fontsize=8)
     figure.savefig(path, dpi=110)
 
 
