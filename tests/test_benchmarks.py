@@ -5,9 +5,10 @@ import subprocess
 import pandas as pd
 import pytest
 
+import bench_slurm
 import record
 import run_benchmarks
-from workflow_runs import PROJECT
+from workflow_runs import PROJECT, numbers_of
 
 
 def row(what, command, **more):
@@ -131,3 +132,14 @@ def test_an_unknown_benchmark_is_refused(capsys):
     with pytest.raises(SystemExit):
         run_benchmarks.main(["geometri"])
     assert "geometry" in capsys.readouterr().err
+
+
+def test_a_run_that_differs_is_told(tmp_path):
+    """Fails if two runs pass for equal though a table differs, is missing or is new; or if times count as numbers."""
+    for side, tables in (("here", {"a": "1", "b": "2", "c": "3"}), ("there", {"a": "1", "b": "9", "d": "4"})):
+        for name, text in (tables | {f"x_{side}_timing": "5"}).items():
+            path = tmp_path / side / f"detect/left/{name}.csv"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text)
+    first, second = numbers_of(tmp_path / "here"), numbers_of(tmp_path / "there")
+    assert bench_slurm.differing(first, second) == [f"detect/left/{name}.csv" for name in "bcd"]

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from dataclasses import dataclass, field
+from itertools import combinations
 from pathlib import Path
 
 import cv2
@@ -189,7 +190,7 @@ def loose_pattern(found, images, sizes, camera, side_m, focals):
     )
     how = f"seen: {paper:.2f} of a code" if paper else f"GUESSED: {GUESSED_PLATE:g} of a code"
     if room < (paper or GUESSED_PLATE):
-        how = f"{room:.2f} of a code: more would cover another marker"
+        how = f"{room:.2f} of a code: larger ones would overlap"
     guesses["plate_m"] = f"the white plates' side, the same for all; {how}"
     if side_m is None:
         guesses["code_m"] = f"GUESSED: all codes have sides of {1000 * side:g} mm, and all places are in proportion"
@@ -197,15 +198,28 @@ def loose_pattern(found, images, sizes, camera, side_m, focals):
 
 
 def room_for_plates(markers):
-    """Return the largest side, metres, that plates round the codes of a table can have without covering another's code."""
-    corners = np.stack([marker_corners_world(m) for m in markers.itertuples()])
-    outlines = np.concatenate([corners, (corners + np.roll(corners, 1, axis=1)) / 2], axis=1)
-    room = np.inf
-    for k, own in enumerate(corners):
-        axes = np.stack([own[1] - own[0], own[0] - own[3]]) / np.linalg.norm(own[1] - own[0])
-        beyond = np.abs((outlines - own.mean(axis=0)) @ axes.T).max(axis=2).min(axis=1)
-        room = min(room, 2 * np.delete(beyond, k).min())
-    return room
+    """Return the largest side, metres, that plates round the codes of a table can have without overlapping."""
+    corners = [marker_corners_world(m) for m in markers.itertuples()]
+    centres = [c.mean(axis=0) for c in corners]
+    frames = [_axes(c) for c in corners]
+    pairs = combinations(range(len(corners)), 2)
+    return min((_room_between(frames[i], frames[j], centres[j] - centres[i]) for i, j in pairs), default=np.inf)
+
+
+def _axes(corners):
+    """Return the unit vectors (3, 3) along a marker's sides and out of its plane."""
+    u, v = corners[1] - corners[0], corners[0] - corners[3]
+    u, v = u / np.linalg.norm(u), v / np.linalg.norm(v)
+    return np.stack([u, v, np.cross(u, v)])
+
+
+def _room_between(one, other, apart):
+    """Return the largest side of two equal squares with axes (3, 3), ``apart`` from each other, that some axis separates."""
+    axes = np.concatenate([one, other])
+    width = sum(np.abs(axes @ frame[:2].T).sum(axis=1) / 2 for frame in (one, other))
+    free = width > 1e-6  # two planes that are parallel hold each other's whole squares
+    sides = np.abs(axes @ apart)[free] / width[free]
+    return np.inf if (np.abs(axes @ apart)[~free] > 1e-4).any() else sides.max()
 
 
 def _family(dictionary):

@@ -143,9 +143,11 @@ def test_white_paper_between_markers_is_no_chessboard(monkeypatch, shown, placea
     assert patterns.find_pattern([None] * 5, None, None, [], loose) == wanted
 
 
-def test_plates_cover_no_other_code():
-    """Fails if the white of one marker's plate would lie over another's code."""
-    nearest = dict(dictionary=DICTIONARY, code_m=0.04, plate_m=0.0, z=0.0, rx=0.0, ry=0.0, y=0.0)
-    table = pd.DataFrame([nearest | {"id": 1, "x": 0.0, "rz": 0.0}, nearest | {"id": 2, "x": 0.07, "rz": 0.3}])
-    apart_m = 0.07 * np.cos(0.3) - 0.02 * (np.cos(0.3) + np.sin(0.3))  # as the second one sees the first
-    assert patterns.room_for_plates(table) == pytest.approx(2 * apart_m)
+@pytest.mark.parametrize(
+    ("turn", "height_m", "room_m"), [(0.0, 0.0, 0.07), (np.pi / 4, 0.0, 0.07 / (0.5 + 0.5**0.5)), (0.0, 0.01, np.inf)]
+)
+def test_plates_do_not_overlap(turn, height_m, room_m):
+    """Fails if the white of one marker's plate would lie over another's: the twin's plates would fight for it."""
+    row = dict(dictionary=DICTIONARY, code_m=0.04, plate_m=0.0, rx=0.0, ry=0.0, y=0.0)
+    rows = [row | {"id": 1, "x": 0.0, "z": 0.0, "rz": 0.0}, row | {"id": 2, "x": 0.07, "z": height_m, "rz": turn}]
+    assert patterns.room_for_plates(pd.DataFrame(rows)) == pytest.approx(room_m)
