@@ -9,7 +9,7 @@
 # make fuzz     100,000 broken inputs for each reader of foreign files (hours)
 # make lint     style and workflow checks
 # make makers   other programs' readers of calibrations, for the tests against them
-# make lock     renew envs/twingap.lock.txt from pyproject.toml
+# make lock     renew envs/*.lock.txt from pyproject.toml
 
 PYTHON ?= python3
 CORES ?= 2
@@ -73,13 +73,13 @@ bench: environment data
 SLURM := .tools/slurm
 S3 := .tools/s3
 
-$(SLURM): pyproject.toml | environment
-	$(UV) pip install --quiet --python $(BIN)/python --target $@ --no-deps --group slurm
+$(SLURM): envs/slurm.lock.txt | environment
+	$(UV) pip install --quiet --require-hashes --no-deps --python $(BIN)/python --target $@ -r $<
 	@touch $@
 
-$(S3): pyproject.toml | environment
+$(S3): envs/bench-s3.lock.txt | environment
 	$(UV) venv --clear --quiet --python 3.13 $@
-	$(UV) pip install --quiet --python $@/bin/python --group s3
+	$(UV) pip install --quiet --require-hashes --python $@/bin/python -r $<
 	@touch $@
 
 bench-slurm: data $(SLURM)
@@ -106,6 +106,11 @@ lint: environment data
 makers: environment
 	$(UV) pip install --python $(BIN)/python --group makers
 
+COMPILE = UV_CUSTOM_COMPILE_COMMAND="make lock" $(UV) pip compile --quiet --upgrade --universal --generate-hashes \
+	--python-version 3.13
+
 lock: $(UV)
-	UV_CUSTOM_COMPILE_COMMAND="make lock" $(UV) pip compile --quiet --upgrade --universal --generate-hashes \
-		--python-version 3.13 --all-extras --group dev --output-file $(LOCK) pyproject.toml
+	$(COMPILE) --all-extras --group dev --output-file $(LOCK) pyproject.toml
+	$(COMPILE) --no-deps --group slurm --output-file envs/slurm.lock.txt
+	$(COMPILE) --constraint $(LOCK) --group s3 --output-file envs/s3.lock.txt
+	$(COMPILE) --constraint $(LOCK) --group bench-s3 --output-file envs/bench-s3.lock.txt

@@ -55,7 +55,8 @@ def load_case(expand, register_json, camera):
 
 def load_views(expand, register_json, camera):
     """Return (facts of scene.json, captures' table of a camera, [effects.base.View] of its rows at nominal poses, NaN where
-    they are unknown); as ``load_case``.
+    they are unknown); as ``load_case``. Of markers an unknown pose is the registered one, in whose table it lies beside
+    register_json.
     """
     expand = Path(expand)
     facts = json.loads((expand / "scene.json").read_text())
@@ -68,9 +69,13 @@ def load_views(expand, register_json, camera):
     stations = tables.read_table(expand / "stations.csv", tables.STATIONS)
     stations = stations[stations.camera == camera].set_index("station")
     K = camera_matrix(*(float(intrinsics[k]) for k in ("fx", "fy", "cx", "cy")))
+    poses = stations.loc[captures.station, tables.POSE].to_numpy(float)
+    unknown = ~np.isfinite(poses).all(1)
+    if unknown.any() and not facts["target"]:
+        registered = tables.read_table(Path(register_json).with_suffix(".csv"), tables.REGISTERED).set_index("capture")
+        poses[unknown] = registered.loc[captures.capture[unknown], tables.POSE].to_numpy(float)
     views = []
-    for row in captures.itertuples():
-        pose = stations.loc[row.station, tables.POSE].to_numpy(float)
+    for row, pose in zip(captures.itertuples(), poses, strict=True):
         T = make_pose(pose[:3], pose[3:]) if np.isfinite(pose).all() else np.full((4, 4), np.nan)
         views.append(
             View(

@@ -5,9 +5,10 @@ import subprocess
 import pandas as pd
 import pytest
 
+import bench_slurm
 import record
 import run_benchmarks
-from workflow_runs import PROJECT
+from workflow_runs import PROJECT, numbers_of
 
 
 def row(what, command, **more):
@@ -70,6 +71,13 @@ def test_what_nobody_measured_is_said_on_the_page():
     assert " 0.20 " in record.page_of(table(row("noise", "a", figure="0.20", unit=""), row("blur", "a", unit="")))
 
 
+def test_growth_is_shown_where_it_was_measured():
+    """Fails if the picture of growth is on no page, or on one without its figures."""
+    growth = row("plan", "python tests/bench/bench_growth.py 100")
+    assert "](growth.png)" in record.page_of(table(growth)) and (PROJECT / "docs/growth.png").is_file()
+    assert "growth.png" not in record.page_of(table(row("blur", "a")))
+
+
 def test_recording_writes_table_and_page(tmp_path):
     """Fails if a benchmark's figures do not reach the page, or their date, machine and commit are left out."""
     path = tmp_path / "benchmarks.csv"
@@ -124,3 +132,14 @@ def test_an_unknown_benchmark_is_refused(capsys):
     with pytest.raises(SystemExit):
         run_benchmarks.main(["geometri"])
     assert "geometry" in capsys.readouterr().err
+
+
+def test_a_run_that_differs_is_told(tmp_path):
+    """Fails if two runs pass for equal though a table differs, is missing or is new; or if times count as numbers."""
+    for side, tables in (("here", {"a": "1", "b": "2", "c": "3"}), ("there", {"a": "1", "b": "9", "d": "4"})):
+        for name, text in (tables | {f"x_{side}_timing": "5"}).items():
+            path = tmp_path / side / f"detect/left/{name}.csv"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text)
+    first, second = numbers_of(tmp_path / "here"), numbers_of(tmp_path / "there")
+    assert bench_slurm.differing(first, second) == [f"detect/left/{name}.csv" for name in "bcd"]

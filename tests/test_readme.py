@@ -112,8 +112,11 @@ def after_a_run(place, command):
 
 
 def installed(place, command):
-    """An installation needs the network: see that make puts the program there."""
+    """An installation needs the network: see that make puts the program there, and that what is locked has hashes."""
     assert f"UV := {command.split()[0]}" in (PROJECT / "Makefile").read_text()
+    for lock in re.findall(r"-r (\S+)", command):
+        text = (PROJECT / lock).read_text()
+        assert text.count("--hash=sha256:") >= len(re.findall(r"^\S+==", text, re.M)) > 0
 
 
 # What README has -> how it is tried. Those that change the folder come in README's order.
@@ -151,7 +154,7 @@ COMMANDS = {
     "dvc pull --remote embedded data/raw/frame.dvc": as_it_stands,
     "python scripts/fetch_data.py data/raw/frame.dvc": as_it_stands,
     "make environment": made("--require-hashes"),
-    ".tools/bin/uv pip install --no-deps --group slurm": installed,
+    ".tools/bin/uv pip install --no-deps -r envs/slurm.lock.txt": installed,
     "snakemake --profile profiles/slurm -n": by_slurm,
     "snakemake --profile profiles/slurm": by_slurm,
     "snakemake --profile profiles/slurm --config batch=100": by_slurm,
@@ -161,7 +164,7 @@ COMMANDS = {
     "make bench-slurm": made("slurm-wlm munge", "bench_slurm.py"),
     "make bench-slurm TINY=--tiny": made("bench_slurm.py --tiny"),
     "make bench-s3": made("bench_s3.py"),
-    '.tools/bin/uv pip install "dvc[s3]"': installed,
+    ".tools/bin/uv pip install -r envs/s3.lock.txt": installed,
     '.tools/bin/uv pip install "dvc[ssh]"': installed,
 }
 

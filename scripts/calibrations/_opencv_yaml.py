@@ -1,5 +1,6 @@
 """What both spellings of OpenCV's YAML share. Source: samples/cpp/tutorial_code/calib3d/camera_calibration."""
 
+import math
 import re
 
 from calibrations.lens import Calibration, entry, numbers
@@ -45,7 +46,7 @@ def read(text, where):
 
 
 def _whole(value):
-    return int(value) if value == int(value) else value
+    return int(value) if math.isfinite(value) and value == int(value) else value
 
 
 def _matrix(where, data, key, count=None):

@@ -19,6 +19,7 @@ LARGEST_PIXELS = 100_000_000
 UNPACKED_AT_ONCE = 1 << 20
 PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 PNG_START = b"\x89PNG\r\n\x1a\n"
+TIFF_STARTS, TIFF_SHORT = (b"II*\0", b"MM\0*"), 3
 PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # samples a pixel by colour type; a palette's index is one
 VIDEO_BOXES = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip")
 VIDEO_STARTS = (b"\x1aE\xdf\xa3", b"\0\0\x01\xba", b"\0\0\x01\xb3")
@@ -49,8 +50,8 @@ def read_header(path):
                 return width, height, bits, 3 if colour == 3 else PNG_CHANNELS[colour]
             if head[:2] == b"\xff\xd8":
                 return _jpeg_header(file)
-            if head[:4] in (b"II*\0", b"MM\0*"):
-                return _tiff_header(path, file)
+            if head[:4] in TIFF_STARTS:
+                return _tiff_header(file)
         except (struct.error, LookupError, TypeError, SyntaxError):
             raise InputError(f"{path}: its header is broken or cut off") from None
     if heic.is_heic(head):
@@ -87,18 +88,16 @@ def _jpeg_header(file):
         file.seek(length - 2, 1)
 
 
-def _tiff_header(path, file):
+def _tiff_header(file):
     file.seek(0)
     tags = ImageFileDirectory_v2(file.read(8))
     with warnings.catch_warnings(action="ignore"):  # a tag that is cut off is missing, and that is said
         file.seek(tags.next)
         tags.load(file)
     width, height, channels = tags[Base.ImageWidth], tags[Base.ImageLength], tags.get(Base.SamplesPerPixel, 1)
-    bits, turned = tags.get(Base.BitsPerSample, (1,))[0], tags.get(Base.Orientation, 1)
+    bits = tags.get(Base.BitsPerSample, (1,))[0]
     if not all(isinstance(v, int) for v in (width, height, bits, channels)):
         raise KeyError
-    if turned != 1:  # OpenCV turns these, whatever it is told
-        raise InputError(f"{path}: a turned TIFF (orientation {turned}); only upright ones are read")
     return width, height, bits, channels
 
 
@@ -229,8 +228,24 @@ def read_image(path, size=None):
     return image
 
 
+def _not_turned(data):
+    """Return the bytes of a TIFF whose note of how it was held says upright: OpenCV turns it, whatever it is told."""
+    order, out = "<" if data[:2] == b"II" else ">", bytearray(data)
+    (at,) = struct.unpack_from(f"{order}I", data, 4)
+    (count,) = struct.unpack_from(f"{order}H", data, at)
+    for entry in range(at + 2, at + 2 + 12 * count, 12):
+        if struct.unpack_from(f"{order}H", data, entry)[0] == Base.Orientation:
+            struct.pack_into(f"{order}HHIHH", out, entry, Base.Orientation, TIFF_SHORT, 1, 1, 0)
+    return bytes(out)
+
+
 def decode(path, data):
     """Return the pixels in the bytes of an image of any format that OpenCV knows, as read_image gives them."""
+    if data[:4] in TIFF_STARTS:
+        try:
+            data = _not_turned(data)
+        except struct.error:
+            raise InputError(f"{path}: its header is broken or cut off") from None
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), HOW) if data else None
     except cv2.error:
@@ -244,5 +259,5 @@ def is_checked(path):
     """Return whether a file begins as the formats whose headers are read here do: PNG, JPEG, TIFF, HEIC."""
     with open(path, "rb") as file:
         head = file.read(32)
-    known = head[:8] == PNG_START or head[:2] == b"\xff\xd8" or head[:4] in (b"II*\0", b"MM\0*")
+    known = head[:8] == PNG_START or head[:2] == b"\xff\xd8" or head[:4] in TIFF_STARTS
     return known or heic.is_heic(head)

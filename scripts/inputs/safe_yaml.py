@@ -1,11 +1,12 @@
 """Read YAML from strangers: plain data only, duplicate keys refused, one message that names file and line."""
 
 from pathlib import Path
-from types import UnionType
-from typing import get_args
+from types import NoneType, UnionType
+from typing import Annotated, get_args, get_origin
 
 from pydantic import BaseModel
 from ruamel.yaml import YAML
+from ruamel.yaml.composer import Composer, ComposerError
 from ruamel.yaml.constructor import ConstructorError, SafeConstructor
 from ruamel.yaml.error import YAMLError
 from ruamel.yaml.events import AliasEvent
@@ -14,6 +15,15 @@ from rig.errors import InputError
 
 LARGEST_BYTES = 1_000_000
 LONGEST_SHOWN = 80
+
+
+class _PlainComposer(Composer):
+    def compose_node(self, parent, index):
+        """Raise ComposerError at an alias, before what it stands for multiplies."""
+        if self.parser.check_event(AliasEvent):
+            mark = self.parser.peek_event().start_mark
+            raise ComposerError(None, None, "YAML aliases (*name) are not allowed", mark)
+        return super().compose_node(parent, index)
 
 
 class _PlainConstructor(SafeConstructor):
@@ -30,6 +40,7 @@ def reader():
     """Return a reader of YAML 1.2 that makes plain data and nothing else: ``load`` of a text raises YAMLError, ValueError."""
     yaml = YAML(typ="safe", pure=True)
     yaml.Constructor = _PlainConstructor
+    yaml.Composer = _PlainComposer
     return yaml
 
 
@@ -53,8 +64,6 @@ def plain_data(text, where):
     if len(text) > LARGEST_BYTES:
         raise InputError(f"{where}: {len(text)} characters; at most {LARGEST_BYTES} are read")
     try:
-        if any(isinstance(event, AliasEvent) for event in reader().parse(text)):
-            raise InputError(f"{where}: YAML aliases (*name) are not allowed")
         data = reader().load(text)
     except YAMLError as error:
         mark = getattr(error, "problem_mark", None)
@@ -87,10 +96,28 @@ def validation_message(path, error, model):
 def _known_keys(model, loc):
     """Return the keys of the model at a place inside ``model``."""
     for part in loc:
-        if isinstance(model, type) and issubclass(model, BaseModel):
-            model = {field.alias or name: field.annotation for name, field in model.model_fields.items()}[part]
-        else:
-            model = get_args(model)[-1]  # the values of a dict or list
-        if isinstance(model, UnionType):
-            model = get_args(model)[0]  # the model of ``Model | None``
+        model = _without_none(_part_of(model, part))
     return [field.alias or name for name, field in model.model_fields.items()]
+
+
+def _part_of(model, part):
+    """Return the type of a part: a field of a model, a value of a dict or list, the model of a union with a tag."""
+    if isinstance(model, type) and issubclass(model, BaseModel):
+        return {field.alias or name: field.annotation for name, field in model.model_fields.items()}[part]
+    if isinstance(model, UnionType):
+        return next(m for m in get_args(model) if part in _tags(m))
+    return get_args(model)[-1]
+
+
+def _tags(model):
+    """Return the words of which a model has to say one, as ``kind: shake``."""
+    return {word for field in model.model_fields.values() for word in get_args(field.annotation)}
+
+
+def _without_none(model):
+    """Return the model of ``Model | None``, and a type without what is said of its values."""
+    if get_origin(model) is Annotated:
+        model = get_args(model)[0]
+    if isinstance(model, UnionType) and NoneType in get_args(model):
+        model = get_args(model)[0]
+    return model

@@ -85,7 +85,7 @@ def _effect(where, entry):
             raise InputError(f"{where}: unknown key {key!r}; known: {', '.join(KNOWN_ENTRY)}")
     name, given = entry.get("effect"), entry.get("parameters") or {}
     found = library.available_effects()
-    if name not in found:
+    if not isinstance(name, str) or name not in found:
         raise InputError(f"{where}: unknown effect {name!r}; there are {', '.join(found)}")
     if not isinstance(given, dict):
         raise InputError(f"{where}: parameters: names and values are needed")

@@ -77,6 +77,8 @@ def effect_words(step):
 
 def verdict_words(diagnosis):
     """Return what a camera's diagnosis says, in words made from its numbers."""
+    if diagnosis.get("why"):
+        return f"nothing could be diagnosed: {diagnosis['why']}."
     steps = diagnosis.get("steps", [])
     effects = listed(effect_words(step) for step in steps)
     if diagnosis["verdict"] == "adequate":

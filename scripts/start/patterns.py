@@ -2,6 +2,7 @@
 
 from collections import Counter
 from dataclasses import dataclass, field
+from itertools import combinations
 from pathlib import Path
 
 import cv2
@@ -33,6 +34,7 @@ NEAR = 0.015
 FEWEST_SQUARES = (3, 3)
 CHECKED = 4  # photographs in which a chessboard's size is checked by another finder
 ENOUGH_PX = 1000  # longer side, at which a chessboard's squares are counted
+TOGETHER = 2  # markers, that tell how they lie to each other
 LEAST_PHOTOGRAPHS = 3  # that show a chessboard alike: patterns without ids are found where there are none
 
 
@@ -75,14 +77,17 @@ def find_pattern(images, square_m, marker_m, rigs, loose):
         pattern = None if layout is None else _board(name, layout, square_m, marker_m)
         if pattern is not None:
             return pattern
-    pattern = _chessboard(images, square_m)
-    if pattern is not None:
-        return pattern
+    chessboard = _chessboard(images, square_m)
+    # white plates with black markers between them look like squares too
+    if chessboard is not None and not _in_most(found):
+        return chessboard
     if found:
         names = ", ".join(f"{n} ({len(set().union(*(set(s.ids) for s in seen)))} ids)" for n, seen in found.items())
         try:
             return loose(found)
         except InputError as error:
+            if chessboard is not None:
+                return chessboard
             raise InputError(
                 f"there are markers, {names}, which lie neither as on a board nor as on a rig of config/rigs, and where they "
                 f"lie can't be told: {error}; take more photographs, or measure it and write markers.csv "
@@ -92,6 +97,11 @@ def find_pattern(images, square_m, marker_m, rigs, loose):
         "no photograph shows a chessboard, a ChArUco board, a grid of markers or printed plates: is the board whole, flat "
         "and sharp? `make board` prints one"
     )
+
+
+def _in_most(found):
+    """Return whether most photographs show two markers or more of one dictionary."""
+    return any(sum(len(s.ids) >= TOGETHER for s in seen) > len(seen) / 2 for seen in found.values())
 
 
 def _board(dictionary, layout, square_m, marker_m):
@@ -166,7 +176,8 @@ def loose_pattern(found, images, sizes, camera, side_m, focals):
     table = placed.markers
     sightings = [(v, s.quads[k]) for seen in found.values() for v, s in enumerate(seen) for k in range(len(s.ids))]
     paper = plate_over_code(images, *map(list, zip(*sightings, strict=True)))
-    table["plate_m"] = np.round(side * (paper or GUESSED_PLATE), 6)
+    room = room_for_plates(table) / side
+    table["plate_m"] = np.round(side * min(paper or GUESSED_PLATE, room), 6)
     if not placed.flat:  # nothing lies under the ground
         table["z"] -= min(
             0.0, min(marker_corners_world(m._replace(code_m=m.plate_m))[:, 2].min() for m in table.itertuples())
@@ -178,10 +189,37 @@ def loose_pattern(found, images, sizes, camera, side_m, focals):
         f"{first.dictionary}/{first.id}; places estimated from the photographs, standard error {error_mm:.2g} mm"
     )
     how = f"seen: {paper:.2f} of a code" if paper else f"GUESSED: {GUESSED_PLATE:g} of a code"
+    if room < (paper or GUESSED_PLATE):
+        how = f"{room:.2f} of a code: larger ones would overlap"
     guesses["plate_m"] = f"the white plates' side, the same for all; {how}"
     if side_m is None:
         guesses["code_m"] = f"GUESSED: all codes have sides of {1000 * side:g} mm, and all places are in proportion"
     return Pattern(None, table, guesses, placed.seen, "", tuple(placed.left_out), placed.focal_px)
+
+
+def room_for_plates(markers):
+    """Return the largest side, metres, that plates round the codes of a table can have without overlapping."""
+    corners = [marker_corners_world(m) for m in markers.itertuples()]
+    centres = [c.mean(axis=0) for c in corners]
+    frames = [_axes(c) for c in corners]
+    pairs = combinations(range(len(corners)), 2)
+    return min((_room_between(frames[i], frames[j], centres[j] - centres[i]) for i, j in pairs), default=np.inf)
+
+
+def _axes(corners):
+    """Return the unit vectors (3, 3) along a marker's sides and out of its plane."""
+    u, v = corners[1] - corners[0], corners[0] - corners[3]
+    u, v = u / np.linalg.norm(u), v / np.linalg.norm(v)
+    return np.stack([u, v, np.cross(u, v)])
+
+
+def _room_between(one, other, apart):
+    """Return the largest side of two equal squares with axes (3, 3), ``apart`` from each other, that some axis separates."""
+    axes = np.concatenate([one, other])
+    width = sum(np.abs(axes @ frame[:2].T).sum(axis=1) / 2 for frame in (one, other))
+    free = width > 1e-6  # two planes that are parallel hold each other's whole squares
+    sides = np.abs(axes @ apart)[free] / width[free]
+    return np.inf if (np.abs(axes @ apart)[~free] > 1e-4).any() else sides.max()
 
 
 def _family(dictionary):

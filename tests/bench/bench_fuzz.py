@@ -1,39 +1,48 @@
 """Broken inputs on every reader of foreign files: ``python tests/bench/bench_fuzz.py [--inputs 100000] [READER ...]``.
 
-Each reader (fuzz_readers.py) gets so many files that hypothesis broke (fuzz_inputs.py); it has to succeed or to raise
-InputError with one printable line, within LONGEST_S of processor time and LARGEST_GIB. What does neither is shrunk, kept in results/fuzz/, told
-with its traceback, and ends with exit status 1. Readers run side by side, each in a process of its own: a crash in a library is
-found too. Numbers are printed as they come and recorded (record.py).
+Each reader (fuzz_readers.py) gets so many files that were broken (fuzz_inputs.py); it has to succeed or to raise InputError
+with one printable line, within LONGEST_S of processor time and LARGEST_GIB. What does neither is made as small as leaving
+edits out makes it, kept in results/fuzz/, told with its traceback, and ends with exit status 1. Readers take turns of TURN
+inputs, each turn in a process of its own: a crash in a library is found too.
+
+After each turn docs/fuzz.csv says what each reader was given. The next call goes on there; a reader that did harm begins
+anew, and so do all with ``--anew``. What was reached is recorded at the end (record.py).
 """
 
 import argparse
+import ctypes
 import json
 import logging
 import os
 import re
 import resource
 import signal
-import subprocess
 import sys
 import tempfile
 import time
 import traceback
-from concurrent.futures import Future, ThreadPoolExecutor, as_completed
+import warnings
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests"), str(ROOT / "tests/bench")]
 
-from hypothesis import HealthCheck, Phase, given, seed, settings
+import cv2
+import pandas as pd
 
+import job
+from fuzz_inputs import fewer_edits
 from fuzz_readers import readers
 from record import record
 from rig.errors import InputError
 
-INPUTS, BATCH = 100_000, 2_000  # hypothesis remembers what it tried: a batch begins anew
+INPUTS, TURN = 100_000, 2_000
 LONGEST_S, LARGEST_GIB = 10, 6
 LONGEST_MESSAGE = 2_000
 FOUND = ROOT / "results/fuzz"
+TABLE = ROOT / "docs/fuzz.csv"
+COLUMNS = ["reader", "inputs", "taken", "cpu_s", "harm"]
+DIES_WITH_PARENT = 1  # prctl's PR_SET_PDEATHSIG
 
 
 class Fault(Exception):
@@ -64,43 +73,64 @@ def too_long(*_):
     raise TimeoutError(f"longer than {LONGEST_S} s of processor time")
 
 
-def fuzz(reader, inputs, number=0, batch=BATCH):
+def fuzz(reader, inputs, first=0):
     """Return (inputs tried, how many of them were taken, smallest input at fault or None, its Fault or None).
 
-    number  of the first batch; it decides all that is drawn
+    first  number of the first input; it decides all that is drawn
     """
     signal.signal(signal.SIGPROF, too_long)
-    count, taken, last = 0, 0, b""
-
-    def one(data):
-        nonlocal count, taken, last
-        count, last = count + 1, data
-        taken += tried(reader, data)
-
-    while count < inputs:
-        how = settings(
-            max_examples=min(batch, inputs - count), deadline=None, database=None, phases=(Phase.generate, Phase.shrink),
-            suppress_health_check=list(HealthCheck), report_multiple_bugs=False, print_blob=False,
-        )  # fmt: skip
+    taken = 0
+    for number in range(first, first + inputs):
+        drawn = reader.inputs.drawn(number)
         try:
-            seed(number)(how(given(reader.inputs)(one)))()
+            taken += tried(reader, reader.inputs.made(*drawn))
         except Fault as fault:
-            return count, taken, last, fault
-        number += 1
-    return count, taken, None, None
+            return number - first, taken, *smallest(reader, drawn, fault)
+    return inputs, taken, None, None
 
 
-def of_one_reader(name, inputs):
-    """Fuzz one reader in this process, and print what came out as a line of JSON."""
+def smallest(reader, drawn, fault):
+    """Return an input at fault with as few edits as can be, and its Fault."""
+    for fewer in fewer_edits(drawn):
+        try:
+            tried(reader, reader.inputs.made(*fewer))
+        except Fault as other:
+            return smallest(reader, fewer, other)
+    return reader.inputs.made(*drawn), fault
+
+
+def turn(name, reader, first, inputs):
+    """Fuzz one reader in a process of its own; return (inputs tried, taken, CPU seconds, what went wrong or an empty text)."""
+    read, write = os.pipe()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # pandas has a thread of its own; no reader uses it
+        child = os.fork()
+    if not child:
+        os.close(read)
+        in_the_child(name, reader, first, inputs, write)
+    os.close(write)
+    with open(read) as pipe:
+        said = pipe.read()
+    _, status = os.waitpid(child, 0)
+    if said:
+        return json.loads(said)
+    keep(name, reader.path.read_bytes())
+    return 0, 0, 0, f"the process ended with {os.waitstatus_to_exitcode(status)}"
+
+
+def in_the_child(name, reader, first, inputs, write):
+    """Fuzz, hand over what came out as JSON, and end the process."""
+    ctypes.CDLL(None).prctl(DIES_WITH_PARENT, signal.SIGKILL)
     resource.setrlimit(resource.RLIMIT_AS, (LARGEST_GIB << 30,) * 2)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    logging.disable()
-    with tempfile.TemporaryDirectory() as folder:
-        start = time.monotonic()
-        count, taken, last, fault = fuzz(readers(folder)[name], inputs)
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # what libraries say of broken images
+    start = time.process_time()
+    count, taken, last, fault = fuzz(reader, inputs, first)
     if fault:
         keep(name, last)
-    print(json.dumps([count, taken, round(time.monotonic() - start), str(fault) if fault else ""]), flush=True)
+    result = [count, taken, time.process_time() - start, str(fault) if fault else ""]
+    os.write(write, json.dumps(result).encode())
+    os._exit(0)
 
 
 def keep(name, data):
@@ -109,13 +139,34 @@ def keep(name, data):
     (FOUND / re.sub(r"[^A-Za-z0-9]+", "_", name)).write_bytes(data)
 
 
-def in_a_process(name, inputs):
-    """Fuzz one reader in a process of its own; return (name, inputs tried, taken, seconds, what went wrong or an empty text)."""
-    command = [sys.executable, __file__, "--inputs", str(inputs), "--here", name]
-    done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
-    if done.returncode:
-        return name, 0, 0, 0, f"the process ended with {done.returncode}: {done.stderr[-2000:]}"
-    return name, *json.loads(done.stdout.splitlines()[-1])
+def reached(names, table_path, anew):
+    """Return a table by reader of what each was given before; zeros for those that begin anew."""
+    old = pd.DataFrame(columns=COLUMNS)
+    if table_path.is_file() and not anew:
+        old = pd.read_csv(table_path, keep_default_na=False)
+    table = old[old.harm == ""].set_index("reader").reindex(names)
+    return table.fillna({"inputs": 0, "taken": 0, "cpu_s": 0.0, "harm": ""}).astype({"inputs": int, "taken": int})
+
+
+def write_table(table, table_path):
+    """Write what each reader was given."""
+    with job.write_atomically(table_path) as file:
+        table.round({"cpu_s": 0}).reset_index(names="reader").to_csv(file, index=False, lineterminator="\n")
+
+
+def fuzz_all(all_readers, table, names, inputs, table_path):
+    """Give each named reader turns until it had ``inputs`` or did harm; the one that had least comes next."""
+    while True:
+        waiting = table.loc[names].query("inputs < @inputs and harm == ''").inputs
+        if waiting.empty:
+            return
+        name = waiting.idxmin()
+        first = int(table.inputs[name])
+        count, taken, seconds, harm = turn(name, all_readers[name], first, min(TURN, inputs - first))
+        table.loc[name] = [first + count, table.taken[name] + taken, table.cpu_s[name] + seconds, harm]
+        write_table(table, table_path)
+        if harm or first + count >= inputs:
+            print(f"{name:28} {first + count:8} {table.cpu_s[name]:7.0f} s CPU  {harm}", flush=True)
 
 
 def main():
@@ -123,38 +174,31 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", metavar="READER")
     parser.add_argument("--inputs", type=int, default=INPUTS)
-    parser.add_argument("--here", action="store_true", help=argparse.SUPPRESS)
+    parser.add_argument("--anew", action="store_true", help="forget what was tried before")
     given = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        known = list(readers(folder))
-    for name in given.names:
-        if name not in known:
-            parser.error(f"no reader is called {name!r}; there are {', '.join(known)}")
-    if given.here:
-        of_one_reader(given.names[0], given.inputs)
-        return
-    print(f"{'reader':28} {'inputs':>8} {'taken':>8} {'s':>6}", flush=True)
-    results = []
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        waiting = [pool.submit(in_a_process, name, given.inputs) for name in given.names or known]
-        for result in map(Future.result, as_completed(waiting)):
-            results.append(result)
-            print("{:28} {:8} {:8} {:6} {}".format(*result), flush=True)
-    faults = sum(bool(what) for *_, what in results)
-    print(f"{sum(r[1] for r in results):,} inputs to {len(results)} readers, {faults} of which did harm")
-    if not given.names:
-        record(figures(results))
-    sys.exit(bool(faults))
+    logging.disable()
+    cv2.setNumThreads(1)  # threads do not survive a fork
+    memory = Path("/dev/shm")
+    with tempfile.TemporaryDirectory(dir=memory if os.access(memory, os.W_OK) else None) as folder:
+        all_readers = readers(folder)
+        for name in given.names:
+            if name not in all_readers:
+                parser.error(f"no reader is called {name!r}; there are {', '.join(all_readers)}")
+        table = reached(list(all_readers), TABLE, given.anew)
+        fuzz_all(all_readers, table, given.names or list(all_readers), given.inputs, TABLE)
+    print(table.to_markdown())
+    record(figures(table), "make fuzz")
+    sys.exit(bool((table.harm != "").any()))
 
 
-def figures(results):
-    """Return [(what, figure, unit)] of all readers' results."""
-    least = min(results, key=lambda r: r[1])
+def figures(table):
+    """Return [(what, figure, unit)] of what all readers were given."""
+    least = table.inputs.idxmin()
     return [
-        ("fuzzed readers of foreign files that raise what is no message of one line", sum(bool(r[4]) for r in results),
-         f"of {len(results)} readers"),
-        ("broken inputs that each reader of foreign files was given, the fewest", f"{least[1]:,}", f"({least[0]})"),
-        ("broken inputs that all readers of foreign files were given", f"{sum(r[1] for r in results):,}", ""),
+        ("fuzzed readers of foreign files that raise what is no message of one line", int((table.harm != "").sum()),
+         f"of {len(table)} readers"),
+        ("broken inputs that each reader of foreign files was given, the fewest", f"{table.inputs[least]:,}", f"({least})"),
+        ("broken inputs that all readers of foreign files were given", f"{table.inputs.sum():,}", ""),
     ]  # fmt: skip
 
 

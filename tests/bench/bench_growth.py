@@ -102,6 +102,7 @@ def draw(table, path):
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import LogLocator, NullFormatter
 
     mine = table[table.command.str.fullmatch(rf"{COMMAND} \d+")]
     counts = mine.command.str.split().str[-1].astype(int)
@@ -111,9 +112,13 @@ def draw(table, path):
             chosen = mine.what == what
             points = pd.DataFrame({"n": counts[chosen], "y": mine.figure[chosen].astype(float)}).sort_values("n")
             axis.loglog(points.n, points.y, "o-", label=what.partition(": ")[2])
-        axis.set(xlabel="captures", ylabel=unit)
+        axis.set(xlabel="captures", ylabel=unit, xlim=(counts.min() / 1.5, counts.max() * 1.5))
+        axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.yaxis.set_major_formatter("{x:g}")
+        axis.yaxis.set_minor_formatter(NullFormatter())
         axis.grid(alpha=0.3)
-        axis.legend(fontsize=8)
+        if axis.lines:
+            axis.legend(fontsize=8)
     figure.savefig(path, dpi=110)
 
 

@@ -2,7 +2,7 @@
 
 In each round a tiny campaign's run is killed with -9 once in each stage, at a random moment of one of its jobs, and started
 anew; `dvc pull` of the embedded campaign is killed as well. In the end all files with numbers have to be, byte for byte, those
-of a run that nobody killed, and nothing half written may be left. The seed decides where in a job a kill falls; how
+of a run that nobody killed in a plainer path, and nothing half written may be left. The seed decides where in a job a kill falls; how
 long jobs take is the machine's. Figures are recorded (record.py), the kills drawn on the run's time.
 """
 
@@ -31,6 +31,7 @@ CONFIG = (
     "diagnose={candidates: [lens_blur]}", "detectors={aruco_subpix: null, bart: null}", "render={edge_samples: 64}",
     "explore={captures: 1}",
 )  # fmt: skip
+ODD = "Jörg's Röhre, 50 %"  # a path that a careless command would break
 PULLED = "data/raw/frame.dvc"
 
 
@@ -165,7 +166,7 @@ def main():
         wanted = numbers_of(whole / "results/tiny")
         print(f"a run that nobody kills: {max(j[2] for j in jobs):.0f} s, {len(wanted)} files with numbers", flush=True)
         for number in range(given.rounds):
-            project = copy_project(folder / f"killed_{number}")
+            project = copy_project(folder / f"{ODD} {number}")
             kills += kill_a_round(project, arguments, jobs, rng)
             different |= set(differing(wanted, numbers_of(project / "results/tiny")))
             different |= {str(p) for p in (project / "results").rglob(".unfinished.*")}

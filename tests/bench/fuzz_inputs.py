@@ -1,14 +1,15 @@
-"""Inputs for the fuzzer: valid files, broken by edits that hypothesis draws, so that it can find the fewest that do harm.
+"""Inputs for the fuzzer: valid files, broken by one to five edits. An input's number decides all that is drawn.
 
 Text is edited by its tokens and lines, so that most of a file stays what its reader expects and errors lie deep; images and
 other binary files by bytes, by numbers of two and four bytes, and by their blocks.
 """
 
+import random
 import re
 import struct
 import zlib
-
-from hypothesis import strategies as st
+from collections.abc import Callable
+from dataclasses import dataclass
 
 MOST_EDITS = 5
 TOKEN = re.compile(rb"[A-Za-z0-9_.+-]+")
@@ -26,32 +27,49 @@ ODD_NUMBERS = (0, 1, 2, 3, 7, 8, 0x7F, 0x80, 0xFF, 0x100, 0x7FFF, 0x8000, 0xFFFF
 LAYOUTS = ("B", ">H", "<H", ">I", "<I")
 
 
+@dataclass(frozen=True)
+class Inputs:
+    """Broken files without end, each known by its number: valid ``files`` (bytes), and the edits that break them.
+
+    kinds   of edits, functions; odd: what they put in
+    mended  function that puts right what a reader checks first, such as checksums, in half of the inputs; or None
+    """
+
+    files: tuple
+    kinds: tuple
+    odd: tuple
+    mended: Callable | None = None
+
+    def drawn(self, number):
+        """Return what makes the input of a number: (valid file, another one, edits, whether to mend)."""
+        rng = random.Random(number)
+        edits = [
+            (rng.choice(self.kinds), rng.random(), rng.random(), rng.choice(self.odd), rng.randrange(256))
+            for _ in range(rng.randint(1, MOST_EDITS))
+        ]
+        return rng.choice(self.files), rng.choice(self.files), edits, self.mended is not None and rng.random() < 0.5
+
+    def made(self, file, other, edits, mend):
+        """Return the input, bytes."""
+        for kind, where, to, odd, number in edits:
+            file = kind(file, where, to, odd, number, other)
+        return self.mended(file) if mend else file
+
+
+def fewer_edits(drawn):
+    """Return what was drawn with one edit less, in each way."""
+    file, other, edits, mend = drawn
+    return [(file, other, edits[:k] + edits[k + 1 :], mend) for k in range(len(edits))]
+
+
 def text_inputs(files):
-    """Return a strategy of broken texts (bytes); ``files`` are valid ones."""
-    return st.builds(_edited, st.sampled_from(files), _edits(TEXT_EDITS, ODD_TEXTS), st.sampled_from(files))
+    """Return Inputs of broken texts."""
+    return Inputs(tuple(files), TEXT_EDITS, ODD_TEXTS)
 
 
 def binary_inputs(files, mended=None):
-    """Return a strategy of broken binary files; ``mended`` may put right what a reader checks first, such as checksums."""
-    broken = st.builds(_edited, st.sampled_from(files), _edits(BYTE_EDITS, ODD_NUMBERS), st.sampled_from(files))
-    return (
-        broken
-        if mended is None
-        else st.builds(lambda data, mend: mended(data) if mend else data, broken, st.booleans())
-    )
-
-
-def _edits(kinds, odd):
-    """Return a strategy of edits (kind, place, other place, what, number); places are shares of the file."""
-    share = st.integers(0, 65_535)
-    edit = st.tuples(st.sampled_from(kinds), share, share, st.sampled_from(odd), st.integers(0, 255))
-    return st.lists(edit, min_size=1, max_size=MOST_EDITS)
-
-
-def _edited(data, edits, other):
-    for kind, where, to, odd, number in edits:
-        data = kind(data, where / 65_536, to / 65_536, odd, number, other)
-    return data
+    """Return Inputs of broken binary files."""
+    return Inputs(tuple(files), BYTE_EDITS, ODD_NUMBERS, mended)
 
 
 def _token(data, where, to, odd, number, other):

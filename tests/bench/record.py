@@ -29,6 +29,14 @@ Made by `make bench` from [benchmarks.csv](benchmarks.csv), which holds one row 
 writes this page. Times are wall time unless they say CPU. Other programs may have shared a machine: compare figures of
 one row only. `+` after a commit: with changes that were not committed.
 """
+GROWTH = "python tests/bench/bench_growth.py"
+GROWTH_PICTURE = f"""
+## Growth with the number of captures
+![CPU time of the plan and of a run, memory of the plan, and results on disk, over the number of captures.](growth.png)
+
+*`{GROWTH}`: one camera, tiny images (64 x 48), a hundredth as many stations as captures, one detector, run to Tables 1 and 2
+without a diagnosis. CPU time is that of all processes of a run.*
+"""
 
 
 def read_figures(path):
@@ -66,7 +74,8 @@ def page_of(table):
         }
     )
     below = "".join(f"- **{letter}**: {name}\n" for name, letter in machines.items())
-    return f"{HEAD}\n{shown.to_markdown(index=False, disable_numparse=True)}\n\nMachines:\n{below}"
+    grown = GROWTH_PICTURE if table.command.str.startswith(GROWTH).any() else ""
+    return f"{HEAD}\n{shown.to_markdown(index=False, disable_numparse=True)}\n\nMachines:\n{below}{grown}"
 
 
 def write_page(table_path=TABLE):

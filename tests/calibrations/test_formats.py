@@ -170,6 +170,7 @@ WRONG = {
     ),
     "seven.yaml": (OLD.replace("Distortion_Coefficients", "x").replace("5.3591573396163199e+02, 0.,", "5.3e2, 1.5,"), "skew"),
     "nan.yaml": (OLD.replace("3.4228315473308373e+02", ".nan"), "9 numbers are needed"),
+    "wide.yaml": (OLD.replace("640", ".inf"), "width is inf"),
     "words.yaml": (OLD.replace("3.4228315473308373e+02", "middle"), "9 numbers are needed"),
     "thin.txt": ("1 THIN_PRISM_FISHEYE 640 480 1 2 3 4\n", "THIN_PRISM_FISHEYE"),
     "few.txt": ("1 OPENCV 640 480 500 500 320 240\n", "4 parameters; OPENCV has 8"),

@@ -123,6 +123,7 @@ ENTRY = "effects:\n  - effect: lens_blur\n    parameters: {sigma_px: 0.8}\n"
     ("text", "message"),
     [
         (ENTRY.replace("lens_blur", "lens_blurr"), "unknown effect 'lens_blurr'"),
+        (ENTRY.replace("lens_blur", "{a: 1}"), "unknown effect {'a': 1}"),
         (ENTRY.replace("0.8", "80"), "sigma_px is 80 px; allowed are 0 to 8"),
         (ENTRY.replace("sigma_px", "sigma_mm"), "no parameter 'sigma_mm'; it has sigma_px"),
         (ENTRY.replace("0.8", "0.8 mm"), "is '0.8 mm'; a number in px"),

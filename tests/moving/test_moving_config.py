@@ -46,6 +46,7 @@ def test_defaults_are_filled_in(tmp_path):
         ("exposure_s: 0.005", "exposure_s: 0.03", ["exposure_s 0.03", "readout_s 0.01", "fps 30"]),
         ("exposure_s: 0.005", "exposure_s: -1.0", ["exposure_s", "-1.0", "greater than 0"]),
         ("readout_s: 0.01", "readout: 0.01", ["readout", "readout_s"]),
+        ("kind: at_rest", "speed: 1, kind: at_rest", ["trajectories.still", "speed", "unknown key", "look_at_m"]),
         ("kind: at_rest", "kind: dance", ["trajectories.still", "at_rest", "pan"]),
         ("kind: at_rest", "kind: pan", ["trajectories.still", "pan_deg", "required"]),
         ("[0.0, 0.0, 0.3]", "[0.0, -1.0, 0.3]", ["trajectories.still", "look_at_m", "straight above"]),

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 import yaml
 
+from case_files import load_case, read_capture
 from expand_tables import expand_tables
 from register_captures import register_captures
 from rig.errors import InputError
@@ -130,20 +131,35 @@ def rig_photographs(folder, K, poses):
     return campaign
 
 
-def test_unknown_intrinsics_of_a_marker_rig_are_fitted(tmp_path):
-    """The format allows null intrinsics for rigs of markers too; they would be refused, or guessed."""
-    K = camera_matrix(700, 700, 319.5, 239.5)
+def by_hand():
+    """Return poses T_cam_world of a camera that looks at the markers of ``rig_photographs`` from all sides."""
     poses = []
     for turn in ((0.5, 0, 0.1), (-0.5, 0.2, 0), (0.1, 0.6, -0.2), (0, -0.6, 0.3), (0.4, 0.4, 0.9)):
         T = make_pose(turn, (0, 0, 0)) @ make_pose((np.pi, 0, 0), (0, 0, 0))
         T[:3, 3] = [0, 0, 0.45] - T[:3, :3] @ [0, 0.4, 0]
         poses.append(T)
+    return poses
+
+
+def test_unknown_intrinsics_of_a_marker_rig_are_fitted(tmp_path):
+    """The format allows null intrinsics for rigs of markers too; they would be refused, or guessed."""
+    K, poses = camera_matrix(700, 700, 319.5, 239.5), by_hand()
     table, record = register(rig_photographs(tmp_path / "c", K, poses), "left", tmp_path)
     assert set(table.status) == {"registered"} and (table.n_markers == 2).all()
     assert abs(record["fx"] / 700 - 1) < 0.03 and record["fx"] == record["fy"]
     assert (record["cx"], record["cy"]) == (319.5, 239.5)
     for row, T in zip(table.itertuples(), poses, strict=True):
         assert np.abs(make_pose([row.rx, row.ry, row.rz], [0, 0, 0])[:3, :3] - T[:3, :3]).max() < 0.03
+
+
+def test_plates_are_measured_where_captures_were_registered(tmp_path):
+    """Fails if markers that were photographed by hand, from places that nobody wrote down, can't be diagnosed."""
+    campaign = rig_photographs(tmp_path / "c", camera_matrix(700, 700, 319.5, 239.5), by_hand())
+    register(campaign, "left", tmp_path)
+    case, captures = load_case(tmp_path / "expand", tmp_path / "r.json", "left")
+    assert np.isinf(case.sigma_pose).all()
+    case.observe_real(case.captures[0], read_capture(campaign, captures.image.iloc[0]))
+    assert case.captures[0].observation.measured.all()
 
 
 def test_board_photographs(tmp_path):

@@ -157,6 +157,9 @@ def test_verdict_is_put_in_words_from_its_numbers():
         {"verdict": "adequate", "steps": []} | unseen | {"configured": [{"effect": "a"}]}
     )
     assert "no known effect closes" in verdict_words({"verdict": "unexplained", "steps": []})
+    # what was not measured has no gap that an effect could leave
+    undiagnosed = {"verdict": "unexplained", "steps": [], "why": "too few stations show plates"}
+    assert verdict_words(undiagnosed) == "nothing could be diagnosed: too few stations show plates."
 
 
 def test_distance_bins_hold_all_ranges(monkeypatch):

@@ -11,6 +11,7 @@ from loose_photographs import Table, corners_seen, scattered, shoot, walk
 import start_campaign
 from inputs.campaign import load_campaign, read_description
 from rig.errors import InputError
+from start import patterns
 from start.loose import named, place_loose_markers
 from start.markers import Seen, detect
 
@@ -122,3 +123,31 @@ def test_photographs_of_a_print_tell_its_places():
     off_mm = 1000 * (placed.markers[["x", "y"]].to_numpy() - (true - true[0]))
     assert placed.flat and len(ids) == board.columns * board.rows and not placed.left_out
     assert np.sqrt((off_mm**2).mean()) < 0.6  # of 213 mm; the print itself is half a percent narrow
+
+
+@pytest.mark.parametrize(
+    ("shown", "placeable", "wanted"), [(3, True, "loose"), (3, False, "squares"), (2, True, "squares")]
+)
+def test_white_paper_between_markers_is_no_chessboard(monkeypatch, shown, placeable, wanted):
+    """Fails if markers in most photographs are passed over for squares that their plates happen to make, or the other way."""
+    seen = [Seen(np.arange(3 if k < shown else 1), np.zeros((3 if k < shown else 1, 4, 2)), ()) for k in range(5)]
+    monkeypatch.setattr(patterns, "dictionaries_seen", lambda images: {DICTIONARY: seen})
+    monkeypatch.setattr(patterns, "best_layout", lambda seen: None)
+    monkeypatch.setattr(patterns, "_chessboard", lambda images, square_m: "squares")
+
+    def loose(found):
+        if not placeable:
+            raise InputError("nothing holds them together")
+        return "loose"
+
+    assert patterns.find_pattern([None] * 5, None, None, [], loose) == wanted
+
+
+@pytest.mark.parametrize(
+    ("turn", "height_m", "room_m"), [(0.0, 0.0, 0.07), (np.pi / 4, 0.0, 0.07 / (0.5 + 0.5**0.5)), (0.0, 0.01, np.inf)]
+)
+def test_plates_do_not_overlap(turn, height_m, room_m):
+    """Fails if the white of one marker's plate would lie over another's: the twin's plates would fight for it."""
+    row = dict(dictionary=DICTIONARY, code_m=0.04, plate_m=0.0, rx=0.0, ry=0.0, y=0.0)
+    rows = [row | {"id": 1, "x": 0.0, "z": 0.0, "rz": 0.0}, row | {"id": 2, "x": 0.07, "z": height_m, "rz": turn}]
+    assert patterns.room_for_plates(pd.DataFrame(rows)) == pytest.approx(room_m)

@@ -206,8 +206,8 @@ explorer.start = async () => {
 
   function stations() {
     const { captures } = camera, rows = [...new Set(captures.height_m)].filter(Number.isFinite).sort((a, b) => b - a);
-    const places = new Set(captures.station).size;
-    $("stations").hidden = rows.length > 12 || camera.tilts.length > 12 || places < 2 || captures.tilt.includes(-1);
+    const places = new Set(captures.station).size, byHand = camera.tilts.some((tilt) => tilt.includes(" to "));
+    $("stations").hidden = byHand || rows.length > 12 || camera.tilts.length > 12 || places < 2 || captures.tilt.includes(-1);
     if ($("stations").hidden) return;
     const values = S.when ? captures.after_px : captures.before_px, top = Math.max(...captures.before_px.filter(Number.isFinite), 1e-6);
     const cell = (h, t) => {
