@@ -17,6 +17,7 @@ import pandas as pd
 from detectors import contract
 from expand_tables import facts_of
 from imports import imports_of
+from inputs.baseline import check_baseline
 from inputs.campaign import load_campaign
 from inputs.config import check_choice, check_config
 from rig.errors import InputError
@@ -39,7 +40,11 @@ def checked():
         if done["campaign"]:
             campaign = load_campaign(done["campaign"])
             check_captures(campaign)
+            if done["baseline"]:
+                check_baseline(campaign, done["baseline"])
             return done, campaign
+        if done["baseline"]:
+            raise InputError("configuration: baseline: a campaign of photographs is compared with it, no experiment")
         return done, load_experiment(done["experiment"])
     except InputError as error:
         end_with(error)
@@ -381,6 +386,9 @@ DIVIDED = [
     c for c in CAMERAS if CAMPAIGN and not BOARD and CAPTURE_COUNTS[c] > config["batch"]
 ]
 UNDIVIDED = [c for c in CAMERAS if c not in DIVIDED]
+BASELINE = config["baseline"]
+# What a campaign's own captures say; beside a baseline the verdict is on what has changed.
+OWN_VERDICT = f"{RESULTS}/diagnosis/{{camera}}{'/alone' if BASELINE else ''}.json"
 DIAGNOSIS = (
     expand(f"{RESULTS}/diagnosis/{{camera}}.json", camera=CAMERAS)
     + [f"{RESULTS}/tables/ladder.csv"]

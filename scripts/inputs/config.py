@@ -116,6 +116,10 @@ class Config(Settings):
     """config.yaml"""
 
     campaign: MaybePath = Field("data/raw/frame", description="folder of measurements; see docs/campaign-format.md")
+    baseline: MaybePath = Field(
+        None,
+        description="an earlier campaign of the same cameras; a diagnosis then says what has changed since",
+    )
     experiment: MaybePath = Field(
         None,
         description="a designed experiment without photographs, in the campaign's place (config/experiments)",
