@@ -7,6 +7,7 @@ import hashlib
 import json
 import math
 import re
+import shlex
 import sys
 from pathlib import Path
 

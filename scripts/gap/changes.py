@@ -4,6 +4,7 @@ Both sets are fitted together, so that what the first leaves open is in both and
 them. ``changes`` is a function of its arguments alone.
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from gap.evidence import start_step
 from gap.joined import joined
 from gap.joint_fit import JointFit, JointTwin, Slots, moments, ridge_of
 from gap.parameters import fitted_parameters, image_step, spec
-from gap.permutation import Moments, labellings, p_values
+from gap.permutation import MAX_DIRECTIONS, Moments, labellings, p_values
 from gap.residuals import NU, flatten, rho
 from gap.search import MAX_PARAMETERS
 from gap.solver import Solver
@@ -27,6 +28,7 @@ MIN_CAPTURES = (
 MAX_P = 0.01
 MAX_REFITTED = 4  # changes that are fitted to compare them
 MAX_CHANGES = 6
+MIN_SHARE_OF_WARP = 0.5
 MAX_GROUP = 3  # effects that may stand for one another
 EXCHANGE_ERRORS = 2.0  # standard errors over captures up to which two changes explain alike
 
@@ -60,7 +62,7 @@ class Changes:
     @property
     def verdict(self):
         """``adequate``: nothing has changed; ``explained``: these effects have; ``unexplained``: something else has as well."""
-        if self.p_other <= MAX_P:
+        if min([self.p_other, *(p for p, _ in self.asked.values())]) <= MAX_P:
             return "unexplained"
         return "explained" if self.changes else "adequate"
 
@@ -78,21 +80,38 @@ def changes(before, after, effects=(), candidates=None, threads=1):
     fit = JointFit(solver, belongs, indices)
     names = able_to_change(problem, candidates or list(library.available_effects()))
     twin = common_twin(fit, problem, effects, names)
-    base, found, labels = (
-        twin,
-        [],
-        labellings(belongs[indices], np.random.default_rng(seed_of("labels", problem.camera))),
-    )
+    labels = labellings(belongs[indices], np.random.default_rng(seed_of("labels", problem.camera)))
+    found, last, asked = forward(fit, twin, (), names, labels)
+    if warp := warp_in_parts(twin, found):
+        alone = with_own(fit, twin, warp.effect)
+        found, last, asked = forward(fit, alone, (Change(warp.effect, alone, warp.p, ()),), names, labels)
+    p_other = p_of_scatter(last, labels)
+    asked = {n: (a.p, a.gain) for n, a in asked.items()}
+    return Changes(tuple(found), twin, last, asked, p_other, problem, belongs, tuple(indices))
+
+
+def forward(fit, twin, found, names, labels):
+    """Return ([Change], last JointTwin, {effect: Asked}): one change named after the other, from a twin that has those found."""
+    found = list(found)
     while True:
         asked = ask(fit, twin, [n for n in names if n not in twin.changed], labels)
-        new = named(fit, twin, asked, belongs) if len(found) < MAX_CHANGES else None
+        new = named(fit, twin, asked) if len(found) < MAX_CHANGES else None
         if new is None:
-            break
+            return found, twin, asked
         found.append(new)
         twin = new.twin
-    p_other = p_of_scatter(twin, belongs, labels)
-    asked = {n: (a.p, a.gain) for n, a in asked.items()}
-    return Changes(tuple(found), base, twin, asked, p_other, problem, belongs, tuple(indices))
+
+
+def warp_in_parts(base, found):
+    """Return the Change of a free warp of which the changes found before it were parts, None where there is none.
+
+    They were where they explain less than ``MIN_SHARE_OF_WARP`` of what is explained with it.
+    """
+    for k, change in enumerate(found):
+        if is_flexible(change.effect) and k:
+            share = (base.loss - found[k - 1].twin.loss) / max(base.loss - change.twin.loss, 1e-9)
+            return change if share < MIN_SHARE_OF_WARP else None
+    return None
 
 
 def used(problem, belongs):
@@ -126,10 +145,9 @@ def common_twin(fit, problem, effects, names):
 
 @dataclass(frozen=True)
 class Asked:
-    """What a change of an effect would explain to first order: by how much (k,), the loss gained, p against all others."""
+    """What a change of an effect would explain to first order: its parameters, the loss gained, p against all others."""
 
     parameters: tuple
-    delta: np.ndarray
     gain: float
     p: float
 
@@ -157,21 +175,11 @@ def ask(fit, twin, names, labels):
     for n in names:
         mine = np.array([every.index(f) for f in columns[n]])
         own = np.zeros((len(fit.indices), 0)) if n in twin.names else np.ones((len(fit.indices), 1))
-        delta, gain, e = made.asked(mine, own, labels)
+        gain, e = made.asked(mine, own, labels)
         evidence.append(e)
-        found[n] = Asked(tuple(columns[n]), delta[0], float(gain[0]), np.nan)
-    return with_p(found, np.array(evidence))
-
-
-def with_p(found, evidence):
-    """Return {effect: Asked} with their p; free warps are compared among themselves, as they are named last."""
-    names, out = list(found), {}
-    for flexible in (False, True):
-        some = [k for k, n in enumerate(names) if is_flexible(n) == flexible]
-        if some:
-            p = p_values(evidence[some])
-            out |= {names[k]: replace(found[names[k]], p=float(p[q])) for q, k in enumerate(some)}
-    return out
+        found[n] = Asked(tuple(columns[n]), float(gain[0]), np.nan)
+    p = p_values(np.array(evidence))
+    return {n: replace(a, p=float(p[k])) for k, (n, a) in enumerate(found.items())}
 
 
 def start_step_of(has):
@@ -183,21 +191,38 @@ def start_step_of(has):
     return step
 
 
-def named(fit, twin, asked, belongs):
-    """Return the Change that explains most of those that are no chance, None where there is none."""
-    likely = [n for n, a in asked.items() if a.p <= MAX_P]
-    likely = [n for n in likely if not is_flexible(n)] or likely
-    likely = sorted(likely, key=lambda n: -asked[n].gain)[:MAX_REFITTED]
-    tried = {n: with_own(fit, twin, n) for n in likely}
+def named(fit, twin, asked):
+    """Return the Change that explains most where not all is chance, None where it is.
+
+    Whether something has changed the largest evidence says; what it was, the loss that is left, each parameter charged. A
+    free warp gets a name where it is no chance itself, and explains more than any other by what it has more parameters.
+    """
+    p = min((a.p for a in asked.values()), default=1.0)
+    if p > MAX_P:
+        return None
+    likely = sorted((n for n in asked if not is_flexible(n) or asked[n].p <= MAX_P), key=lambda n: -promised(asked[n]))
+    if likely and is_flexible(likely[0]):
+        likely = likely[:1]
+    tried = {n: with_own(fit, twin, n) for n in likely[:MAX_REFITTED] if not is_flexible(n) or n == likely[0]}
     tried = {n: t for n, t in tried.items() if matters(n, t)}
     if not tried:
         return None
-    best = min(tried, key=lambda n: tried[n].loss + 2 * len(asked[n].parameters))
+    best = min(tried, key=lambda n: tried[n].loss + charge(asked[n]))
     alike = [
         n for n in sorted(tried, key=lambda n: tried[n].loss) if n != best and explains_alike(tried[n], tried[best])
     ]
     one_of = (best, *alike)[:MAX_GROUP] if alike else ()
-    return Change(best, tried[best], asked[best].p, one_of)
+    return Change(best, tried[best], p, one_of)
+
+
+def charge(asked):
+    """Return what the parameters of a change cost in loss, as Akaike's; of a free warp's those that were looked at."""
+    return 2 * min(len(asked.parameters), MAX_DIRECTIONS)
+
+
+def promised(asked):
+    """Return the gain in loss that a change promises to first order, its parameters charged."""
+    return asked.gain - charge(asked)
 
 
 def with_own(fit, twin, name):
@@ -208,13 +233,11 @@ def with_own(fit, twin, name):
 
 
 def matters(name, twin):
-    """Return whether some parameter of an effect differs between the sets by more than is worth naming and three errors."""
+    """Return whether an effect differs between the sets by more than is worth naming; its waves together, of a free warp."""
     before, after = (dict(e)[name] for e in twin.effects)
-    for key, p in library.parameters_of(name).items():
-        error = np.hypot(*(errors.get((name, key), 0.0) for errors in twin.errors))
-        if not p.auxiliary and abs(after[key] - before[key]) > max(p.matters, 3 * error):
-            return True
-    return False
+    acting = {k: p for k, p in library.parameters_of(name).items() if not p.auxiliary}
+    sizes = [abs(after[k] - before[k]) / p.matters for k, p in acting.items()]
+    return (math.hypot(*sizes) if is_flexible(name) else max(sizes)) > 1
 
 
 def explains_alike(other, best):
@@ -224,7 +247,7 @@ def explains_alike(other, best):
     return ahead.sum() <= EXCHANGE_ERRORS * np.sqrt(len(ahead)) * ahead.std(ddof=1)
 
 
-def p_of_scatter(twin, belongs, labels):
+def p_of_scatter(twin, labels):
     """Return the p, by permuted captures, of residuals being larger in one set than in the other."""
     size = np.array([np.log(np.mean(rho(flatten(g), NU)) + 1e-9) for g in twin.groups.values()])
     ones = labels.mean(1, keepdims=True)

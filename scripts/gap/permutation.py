@@ -8,9 +8,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import f as f_distribution
 
 MOST_LABELLINGS = 1000
+MAX_DIRECTIONS = 24  # of one effect's parameters: a free warp's are more than captures tell
 RIDGE = 1e-4  # of an effect's information in its own units: what no capture tells stays where it is
 
 
@@ -41,29 +41,34 @@ class Moments:
     precision: np.ndarray
 
     def about(self, mine, own):
-        """Return (H (n, a, a), g (n, a), a - k) by common entries and, last, the k parameters ``mine``, brought to one scale.
+        """Return (H (n, a, a), g (n, a), k): common entries and, last, k directions of what the parameters ``mine`` may do.
 
-        Common is as well what ``own`` (n, r) times these parameters makes: 1 a value of theirs in all captures, a covariate
-        what they seem to be by a capture's pose. Also returns scale (k,), by which the parameters were multiplied.
+        Directions tell alike much in all captures together, and of many parameters only those that tell most are kept.
+        Common is as well what ``own`` (n, r) times these directions makes: 1 a value of theirs in all captures, a covariate
+        what they seem to be by a capture's pose.
         """
-        s, k = len(self.precision), len(mine)
-        scale = np.sqrt(np.maximum(np.diagonal(self.H.sum(0))[s + mine], 1e-12))
-        pick = np.zeros((k, self.H.shape[1]))
-        pick[np.arange(k), s + mine] = 1 / scale
+        s = len(self.precision)
+        about = self.H.sum(0)[np.ix_(s + mine, s + mine)]
+        scale = np.sqrt(np.maximum(np.diagonal(about), 1e-12))
+        told, basis = np.linalg.eigh(about / np.outer(scale, scale))
+        told, basis = told[-MAX_DIRECTIONS:], basis[:, -MAX_DIRECTIONS:]
+        pick = np.zeros((len(told), self.H.shape[1]))
+        pick[:, s + mine] = (basis / np.sqrt(told + RIDGE)).T / scale
         rows = [pick * w for w in (*own.T[:, :, None, None], np.ones((len(own), 1, 1)))]
         D = np.concatenate([np.tile(np.eye(s, self.H.shape[1]), (len(own), 1, 1)), *rows], axis=1)
-        return D @ self.H @ D.transpose(0, 2, 1), np.einsum("nab,nb->na", D, self.g), scale
+        return D @ self.H @ D.transpose(0, 2, 1), np.einsum("nab,nb->na", D, self.g), len(pick)
 
     def asked(self, mine, own, labels):
-        """Return (delta (m, k), gain (m,), evidence (m,)) of a change of k parameters under labellings (m, n) of captures.
+        """Return (gain (m,), evidence (m,)) of a change of parameters under labellings (m, n) of the captures.
 
-        delta is the second set's less the first's, gain the loss that it explains, evidence -log10 of the tail of the F
-        distribution of that gain against the scatter of captures within the sets. ``mine`` and ``own`` as in ``about``.
-        Sources: C. R. Rao's score test (1948); D. Freedman and D. Lane, "A nonstochastic interpretation of reported
-        significance levels" (1983), for what depends on the pose.
+        gain is the loss that the second set's difference from the first explains to first order. evidence is Hotelling's
+        statistic of that difference against the scatter of captures within the sets, its cube root in standard deviations
+        over the labellings, so that effects of few and of many parameters compare. ``mine`` and ``own`` as in ``about``.
+        Sources: C. R. Rao's score test (1948); H. Hotelling, "The generalization of Student's ratio" (1931), its covariance
+        shrunk as by O. Ledoit and M. Wolf (2004); E. B. Wilson and M. M. Hilferty, "The distribution of chi-square" (1931).
         """
-        H, g, scale = self.about(mine, own)
-        (n, a), k = g.shape, len(mine)
+        H, g, k = self.about(mine, own)
+        n, a = g.shape
         c, J = slice(0, a - k), slice(a - k, a)
         ridge = np.concatenate([self.precision, np.full(a - k - len(self.precision), RIDGE)])
         inverse = np.linalg.pinv(H[:, c, c].sum(0) + np.diag(ridge), rcond=1e-10, hermitian=True)
@@ -72,17 +77,20 @@ class Moments:
         H_Jc, H_JJ = H[:, J, c], H[:, J, J]
         B = (labels @ H_Jc.reshape(n, -1)).reshape(-1, k, a - k)
         information = (labels @ H_JJ.reshape(n, -1)).reshape(-1, k, k) - B @ inverse @ B.transpose(0, 2, 1)
-        total = labels @ score
-        delta = np.linalg.solve(information + RIDGE * np.eye(k), total[..., None])[..., 0]
-        gain = (delta * total).sum(1)
-        follow = (B.transpose(0, 2, 1) @ delta[..., None])[..., 0] @ inverse
+        information += RIDGE * np.eye(k)
+        total = (labels @ score)[..., None]
+        delta = np.linalg.solve(information, total)
+        gain = (delta * total).sum((1, 2))
+        follow = (B.transpose(0, 2, 1) @ delta)[..., 0] @ inverse
         left = score[..., None] + (H_Jc.reshape(n * k, -1) @ follow.T).reshape(n, k, -1)
-        left = left - labels.T[:, None] * (H_JJ.reshape(n * k, k) @ delta.T).reshape(n, k, -1)
-        freedom = max(n - 2 - own.shape[1], 1)
-        whiten = np.linalg.inv(np.linalg.cholesky(H_JJ.sum(0) + RIDGE * np.eye(k)))
-        within = ((whiten @ left) ** 2).sum((0, 1)) * n / (k * freedom)
-        tail = f_distribution.logsf(gain / k / np.maximum(within, 1e-9), k, k * freedom)
-        return delta / scale, gain, -tail / np.log(10)
+        left = left - labels.T[:, None] * (H_JJ.reshape(n * k, k) @ delta[..., 0].T).reshape(n, k, -1)
+        scatter = left.transpose(2, 1, 0) @ left.transpose(2, 0, 1)
+        shrunk = k / (k + n - 2)
+        mean = np.trace(scatter, axis1=1, axis2=2)[:, None, None] / k
+        scatter = (1 - shrunk) * scatter + shrunk * mean * np.eye(k)
+        whitened = np.linalg.solve(np.linalg.cholesky(information), total)
+        root = np.cbrt((whitened * np.linalg.solve(scatter, whitened)).sum((1, 2)))
+        return gain, (root - root.mean()) / max(root.std(), 1e-12)
 
 
 def p_values(evidence):

@@ -2,7 +2,8 @@
 
 import hashlib
 
-KINDS = ("single", "pair", "none", "outside", "power", "whole")
+KINDS = ("single", "pair", "none", "outside", "power", "whole", "real")
+BASELINE, CHANGED = "baseline", "changed"  # the two campaigns of a trial on real photographs
 POWER_STRENGTHS = (0.25, 0.5, 1.0)
 
 
