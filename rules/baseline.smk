@@ -8,7 +8,13 @@ one are made here where they are missing, by the same rules. Makes: diagnosis/CA
 
 if BASELINE:
 
-    BEFORE = f"results/{load_campaign(BASELINE).file.name}"
+    EARLIER = load_campaign(BASELINE)
+    BEFORE = f"results/{EARLIER.file.name}"
+
+    def earlier_images(wildcards):
+        """Return the baseline's images of wildcards.camera."""
+        rows = EARLIER.captures[EARLIER.captures.camera == wildcards.camera]
+        return ancient([f"{BASELINE}/{image}" for image in rows.image])
 
     module earlier:
         snakefile:
@@ -32,10 +38,17 @@ if BASELINE:
                 f"{RESULTS}/diagnosis/{{camera}}/observations.npz",
                 OWN_VERDICT,
             ],
+            tables=expand("{of}/expand/{{camera}}/captures.csv", of=[BEFORE, RESULTS]),
+            images=captures_of,
+            earlier_images=earlier_images,
             code=imports_of("find_changes.py"),
             effect_code=diagnosis_effect_code,
         output:
             verdict=f"{RESULTS}/diagnosis/{{camera}}.json",
+            pictures=expand(
+                f"{RESULTS}/diagnosis/{{{{camera}}}}/change_{{when}}.png",
+                when=["before", "after"],
+            ),
         log:
             f"{RESULTS}/logs/find_changes/{{camera}}.log",
         benchmark:

@@ -45,7 +45,9 @@ def checked():
                 check_baseline(campaign, done["baseline"])
             return done, campaign
         if done["baseline"]:
-            raise InputError("configuration: baseline: a campaign of photographs is compared with it, no experiment")
+            raise InputError(
+                "configuration: baseline: a campaign of photographs is compared with it, no experiment"
+            )
         return done, load_experiment(done["experiment"])
     except InputError as error:
         end_with(error)

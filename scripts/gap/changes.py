@@ -55,9 +55,27 @@ class Changes:
     last: JointTwin
     asked: dict
     p_other: float
-    problem: object
-    belongs: np.ndarray
-    captures: tuple
+    fit: JointFit
+
+    @property
+    def problem(self):
+        """The joined problem, captures of both sets."""
+        return self.fit.solver.problem
+
+    def captures_of(self, number):
+        """Return the indices of the captures of a set, 0 or 1, that were compared."""
+        return self.fit.members[number]
+
+    def residuals_of_points(self, i):
+        """Return (seen (p, 2), off (p, 2)) of capture i: its points or plates' centres, and how far off the twin has them
+        that holds for the first set, pixels.
+        """
+        effects, solver = list(self.last.effects[0]), self.fit.solver
+        poses, _ = solver.score(effects, self.last.poses, [i])
+        observation, predicted = self.problem.captures[i].observation, solver.predictor.predict(i, effects, poses[i])
+        both = np.flatnonzero(observation.measured & predicted.measured)
+        seen, there = observation.corners[both].mean(1), predicted.corners_of(both).mean(1)
+        return seen, seen - there
 
     @property
     def verdict(self):
@@ -87,7 +105,7 @@ def changes(before, after, effects=(), candidates=None, threads=1):
         found, last, asked = forward(fit, alone, (Change(warp.effect, alone, warp.p, ()),), names, labels)
     p_other = p_of_scatter(last, labels)
     asked = {n: (a.p, a.gain) for n, a in asked.items()}
-    return Changes(tuple(found), twin, last, asked, p_other, problem, belongs, tuple(indices))
+    return Changes(tuple(found), twin, last, asked, p_other, fit)
 
 
 def forward(fit, twin, found, names, labels):
