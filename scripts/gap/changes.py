@@ -11,6 +11,7 @@ import numpy as np
 
 from effects import library
 from gap.board import seen_by_points
+from gap.board_shape import offsets_of
 from gap.evidence import start_step
 from gap.joined import joined
 from gap.joint_fit import JointFit, JointTwin, Slots, moments, ridge_of
@@ -28,7 +29,9 @@ MIN_CAPTURES = (
 MAX_P = 0.01
 MAX_REFITTED = 4  # changes that are fitted to compare them
 MAX_CHANGES = 6
+SHAPE_ROUNDS = 2  # in which a board's shape and the twin are fitted in turn
 MIN_SHARE_OF_WARP = 0.5
+MAX_TIMES_OFF = 4.0  # the median residual of a set, beyond which a capture is an outlier
 MAX_GROUP = 3  # effects that may stand for one another
 EXCHANGE_ERRORS = 2.0  # standard errors over captures up to which two changes explain alike
 
@@ -94,11 +97,15 @@ def changes(before, after, effects=(), candidates=None, threads=1):
     """
     problem, belongs = joined(before, after)
     indices = used(problem, belongs)
-    solver = Solver(problem, indices, threads)
-    fit = JointFit(solver, belongs, indices)
     names = able_to_change(problem, candidates or list(library.available_effects()))
+    fit = JointFit(Solver(problem, indices, threads), belongs, indices)
     twin = common_twin(fit, problem, effects, names)
-    labels = labellings(belongs[indices], np.random.default_rng(seed_of("labels", problem.camera)))
+    if outliers := outlying(fit, twin):
+        fit = JointFit(fit.solver, belongs, [i for i in indices if i not in outliers])
+        twin = fit.fitted(fit.twin(twin.effects, (), twin.poses), fitted_parameters(list(twin.effects[0])))
+    if not problem.draws:
+        fit, twin = with_shape(fit, twin, threads)
+    labels = labellings(belongs[fit.indices], np.random.default_rng(seed_of("labels", problem.camera)))
     found, last, asked = forward(fit, twin, (), names, labels)
     if warp := warp_in_parts(twin, found):
         alone = with_own(fit, twin, warp.effect)
@@ -118,6 +125,20 @@ def forward(fit, twin, found, names, labels):
             return found, twin, asked
         found.append(new)
         twin = new.twin
+
+
+def outlying(fit, twin):
+    """Return the captures that lie off much farther than others of their set, such as ones with another board's points.
+
+    None of a set that would have too few without them.
+    """
+    size = {i: np.median(np.abs(flatten(groups))) for i, groups in twin.groups.items()}
+    found = []
+    for members in fit.members:
+        usual = np.median([size[i] for i in members])
+        off = [i for i in members if size[i] > MAX_TIMES_OFF * usual]
+        found += off if len(members) - len(off) >= MIN_CAPTURES else []
+    return found
 
 
 def warp_in_parts(base, found):
@@ -159,6 +180,17 @@ def common_twin(fit, problem, effects, names):
         shared |= {n: library.nulls_of(n) for n in names if n not in shared and not is_flexible(n)}
     twin = fit.start(list(shared.items()))
     return fit.fitted(twin, fitted_parameters(list(shared.items())))
+
+
+def with_shape(fit, twin, threads):
+    """Return (JointFit, JointTwin) of a board whose points lie where both sets together show them."""
+    for _ in range(SHAPE_ROUNDS):
+        problem = fit.solver.problem
+        points = problem.points + offsets_of(problem, twin, fit.indices)
+        fit = JointFit(Solver(replace(problem, points=points), fit.indices, threads), fit.belongs, fit.indices)
+        start = fit.twin(twin.effects, (), twin.poses)
+        twin = fit.fitted(start, fitted_parameters(list(twin.effects[0])))
+    return fit, twin
 
 
 @dataclass(frozen=True)

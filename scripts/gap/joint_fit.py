@@ -12,6 +12,7 @@ SCALE_FROM_AFAR = 16.0  # robust scale at which a fit of corners begins
 ITERATIONS = 25
 MAX_DAMPINGS = 5  # of one step
 SETTLED = 1e-4  # share of the loss that a last step gains
+MEDIAN_OF_NOISE = 0.6745  # of the absolute values of a unit normal
 WEAK = 1.0  # widths of its bounds, a parameter's prior where it has none
 
 
@@ -170,9 +171,10 @@ class JointFit:
 def moments(fit, twin, free, step_of):
     """Return (H, g) of each used capture, lists in their order, by parameters ``free`` of its own set; the pose eliminated.
 
-    The loss is as wide as the residuals.
+    The loss is as wide as most residuals are.
     """
-    nu = NU * width_of(twin.groups) ** 2
+    usual = np.median(np.abs(np.concatenate([flatten(g) for g in twin.groups.values()])))
+    nu = NU * max(1.0, usual / MEDIAN_OF_NOISE) ** 2
     derivatives = fit.derivatives(twin, free, step_of)
     out = []
     for i in fit.indices:
