@@ -12,17 +12,17 @@ STEP_M = 1e-5  # of derivatives
 PRIOR_SHARE = 0.002  # of the board's longer side, an offset's standard deviation
 
 
-def offsets_of(problem, twin, indices):
+def offsets_of(problem, twin, belongs, indices):
     """Return offsets (p, 3), metres, of a BoardCase's points with which a JointTwin shows them where captures do.
 
-    Nothing has changed in the twin. Each point's least squares over the captures, weighted as residuals are, with a prior
-    about no offset.
+    belongs (n,) is the set of each capture. Each point's least squares over the captures, weighted as residuals are, with a
+    prior about no offset.
     """
     points = problem.points
     prior = 1 / (PRIOR_SHARE * np.ptp(points[:, :2], axis=0).max()) ** 2
     H, g = np.tile(prior * np.eye(3), (len(points), 1, 1)), np.zeros((len(points), 3))
     for i in indices:
-        capture, effects = problem.captures[i], list(twin.effects[0])
+        capture, effects = problem.captures[i], list(twin.effects[belongs[i]])
         here = problem.corners_of(capture, effects, twin.poses[i])[:, 0]
         moved = [
             problem.corners_of(capture, effects, twin.poses[i], (points + step)[:, None])[:, 0]

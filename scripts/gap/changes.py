@@ -103,28 +103,33 @@ def changes(before, after, effects=(), candidates=None, threads=1):
     if outliers := outlying(fit, twin):
         fit = JointFit(fit.solver, belongs, [i for i in indices if i not in outliers])
         twin = fit.fitted(fit.twin(twin.effects, (), twin.poses), fitted_parameters(list(twin.effects[0])))
-    if not problem.draws:
-        fit, twin = with_shape(fit, twin, threads)
+    fit, twin = with_shape(fit, twin, threads)
     labels = labellings(belongs[fit.indices], np.random.default_rng(seed_of("labels", problem.camera)))
-    found, last, asked = forward(fit, twin, (), names, labels)
+    base_fit = fit
+    found, last, asked, fit = forward(base_fit, twin, (), names, labels, threads)
     if warp := warp_in_parts(twin, found):
-        alone = with_own(fit, twin, warp.effect)
-        found, last, asked = forward(fit, alone, (Change(warp.effect, alone, warp.p, ()),), names, labels)
+        alone = with_own(base_fit, twin, warp.effect)
+        found, last, asked, fit = forward(
+            base_fit, alone, (Change(warp.effect, alone, warp.p, ()),), names, labels, threads
+        )
     p_other = p_of_scatter(last, labels)
     asked = {n: (a.p, a.gain) for n, a in asked.items()}
     return Changes(tuple(found), twin, last, asked, p_other, fit)
 
 
-def forward(fit, twin, found, names, labels):
-    """Return ([Change], last JointTwin, {effect: Asked}): one change named after the other, from a twin that has those found."""
+def forward(fit, twin, found, names, labels, threads):
+    """Return ([Change], last JointTwin, {effect: Asked}, JointFit): one change named after the other, from those ``found``.
+
+    After each a board's shape is fitted again: what had changed was in part taken for it.
+    """
     found = list(found)
     while True:
         asked = ask(fit, twin, [n for n in names if n not in twin.changed], labels)
         new = named(fit, twin, asked) if len(found) < MAX_CHANGES else None
         if new is None:
-            return found, twin, asked
-        found.append(new)
-        twin = new.twin
+            return found, twin, asked, fit
+        fit, twin = with_shape(fit, new.twin, threads)
+        found.append(replace(new, twin=twin))
 
 
 def outlying(fit, twin):
@@ -183,12 +188,12 @@ def common_twin(fit, problem, effects, names):
 
 
 def with_shape(fit, twin, threads):
-    """Return (JointFit, JointTwin) of a board whose points lie where both sets together show them."""
-    for _ in range(SHAPE_ROUNDS):
+    """Return (JointFit, JointTwin) of a board whose points lie where both sets together show them; of a rig as they are."""
+    for _ in range(0 if fit.solver.problem.draws else SHAPE_ROUNDS):
         problem = fit.solver.problem
-        points = problem.points + offsets_of(problem, twin, fit.indices)
+        points = problem.points + offsets_of(problem, twin, fit.belongs, fit.indices)
         fit = JointFit(Solver(replace(problem, points=points), fit.indices, threads), fit.belongs, fit.indices)
-        start = fit.twin(twin.effects, (), twin.poses)
+        start = fit.twin(twin.effects, twin.changed, twin.poses)
         twin = fit.fitted(start, fitted_parameters(list(twin.effects[0])))
     return fit, twin
 

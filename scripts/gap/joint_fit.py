@@ -171,9 +171,10 @@ class JointFit:
 def moments(fit, twin, free, step_of):
     """Return (H, g) of each used capture, lists in their order, by parameters ``free`` of its own set; the pose eliminated.
 
-    The loss is as wide as most residuals are.
+    The loss is as wide as most residuals of that set are which lies farther off: a common twin may fit one of them alone.
     """
-    usual = np.median(np.abs(np.concatenate([flatten(g) for g in twin.groups.values()])))
+    sets = [np.concatenate([flatten(twin.groups[i]) for i in members]) for members in fit.members]
+    usual = max(np.median(np.abs(y)) for y in sets)
     nu = NU * max(1.0, usual / MEDIAN_OF_NOISE) ** 2
     derivatives = fit.derivatives(twin, free, step_of)
     out = []
