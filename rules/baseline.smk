@@ -8,14 +8,6 @@ one are made here where they are missing, by the same rules. Makes: diagnosis/CA
 
 if BASELINE:
 
-    EARLIER = load_campaign(BASELINE)
-    BEFORE = f"results/{EARLIER.file.name}"
-
-    def earlier_images(wildcards):
-        """Return the baseline's images of wildcards.camera."""
-        rows = EARLIER.captures[EARLIER.captures.camera == wildcards.camera]
-        return ancient([f"{BASELINE}/{image}" for image in rows.image])
-
     module earlier:
         snakefile:
             "../Snakefile"
@@ -44,7 +36,7 @@ if BASELINE:
             code=imports_of("find_changes.py"),
             effect_code=diagnosis_effect_code,
         output:
-            verdict=f"{RESULTS}/diagnosis/{{camera}}.json",
+            verdict=VERDICT,
             pictures=expand(
                 f"{RESULTS}/diagnosis/{{{{camera}}}}/change_{{when}}.png",
                 when=["before", "after"],

@@ -133,6 +133,12 @@ def images(*cameras):
     return [f"{CAMPAIGN}/{image}" for image in wanted.image]
 
 
+def earlier_images(wildcards):
+    """Return the baseline's images of wildcards.camera."""
+    rows = EARLIER.captures[EARLIER.captures.camera == wildcards.camera]
+    return ancient([f"{BASELINE}/{image}" for image in rows.image])
+
+
 def captures_of(wildcards):
     """Return the images of wildcards.camera.
 
@@ -390,8 +396,12 @@ DIVIDED = [
 ]
 UNDIVIDED = [c for c in CAMERAS if c not in DIVIDED]
 BASELINE = config["baseline"]
+EARLIER = load_campaign(BASELINE) if BASELINE else None
+BEFORE = f"results/{EARLIER.file.name}" if BASELINE else None
 # What a campaign's own captures say; beside a baseline the verdict is on what has changed.
-OWN_VERDICT = f"{RESULTS}/diagnosis/{{camera}}{'/alone' if BASELINE else ''}.json"
+VERDICT = f"{RESULTS}/diagnosis/{{camera}}.json"
+ALONE = f"{RESULTS}/diagnosis/{{camera}}/alone.json"
+OWN_VERDICT = ALONE if BASELINE else VERDICT
 DIAGNOSIS = (
     expand(f"{RESULTS}/diagnosis/{{camera}}.json", camera=CAMERAS)
     + [f"{RESULTS}/tables/ladder.csv"]
