@@ -28,32 +28,33 @@ def joined(before, after):
 
 
 def on_the_same_points(*problems):
-    """Return BoardCases whose points are those that any of them has."""
+    """Return BoardCases whose points are those that any of them has, all with the noise of the first.
+
+    Noise is told beyond the lens of the first's calibration, which another lens would be taken for.
+    """
     points = np.unique(np.concatenate([p.points for p in problems]).round(9), axis=0)
-    return [_with_points(p, points) for p in problems]
+    return [_with_points(p, points, problems[0].noise_px) for p in problems]
 
 
-def _with_points(problem, points):
-    """Return a BoardCase with other points (p, 3), its own among them."""
+def _with_points(problem, points, noise_px):
+    """Return a BoardCase with other points (p, 3), its own among them, and the noise of their x and y."""
     place = np.abs(points[:, None] - problem.points[None]).max(2).argmin(0)
-    captures = [replace(c, observation=_placed(c.observation, place, len(points))) for c in problem.captures]
-    return replace(problem, captures=captures, points=points)
+    captures = [replace(c, observation=_placed(c.observation, place, len(points), noise_px)) for c in problem.captures]
+    return replace(problem, captures=captures, points=points, noise_px=noise_px)
 
 
-def _placed(observation, place, n):
-    """Return an Observation of n points whose k-th was measured as a board's ``place[k]``; the rest are not seen."""
+def _placed(observation, place, n, noise_px):
+    """Return an Observation of n points with some noise, a board's k-th being the ``place[k]``-th; the rest are not seen."""
 
     def spread(values, fill):
         out = np.full((n, *values.shape[1:]), fill, values.dtype)
         out[place] = values
         return out
 
-    information = spread(observation.information, 0.0)
-    information[~np.isin(np.arange(n), place)] = observation.information[0]
     return replace(
         observation,
         features=spread(observation.features, np.nan),
-        information=information,
+        information=np.tile(np.eye(2) / noise_px**2, (n, 1, 1)),
         measured=spread(observation.measured, False),
         misfit=spread(observation.misfit, np.nan),
         colour=spread(observation.colour, np.nan),

@@ -94,6 +94,15 @@ def test_a_photograph_with_wrong_corners_is_left_out():
     assert names(found)[0] == "radial_distortion"
 
 
+def test_both_sets_have_the_noise_of_the_first():
+    """Fails if what another lens does to the estimate of noise makes the later photographs count for nothing."""
+    after = photographs(2, k1=-0.2)
+    after.noise_px = 30.0
+    for capture in after.captures:
+        capture.observation.information[:] /= 300**2
+    assert names(compared(photographs(1), after))[:1] == ["radial_distortion"]
+
+
 def test_too_few_photographs_are_refused():
     """Fails if p-values of four photographs, which cannot be small, are given out."""
     with pytest.raises(ValueError, match="4 usable captures before and 6 after; 5 of each are needed"):
