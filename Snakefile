@@ -3,6 +3,7 @@
     snakemake --cores 2                              everything, ending with results/NAME/report/index.html
     snakemake --cores 2 diagnose                     to the verdicts
     snakemake --cores 2 --config campaign=FOLDER     for a campaign of your own
+    snakemake --cores 2 diagnose --config campaign=FOLDER baseline=EARLIER     what has changed since an earlier one
 
 The way of the data is drawn in docs/architecture.md; each stage is a file in rules/.
 """
@@ -51,6 +52,7 @@ for stage in (
     "aggregate",
     "diagnose",
     "batches",
+    "baseline",
     "compare",
     "explore",
     "report",

@@ -8,6 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
+from reporting.sentences import changes_words
 from rig.words import LADDER, gap_along, with_error
 
 MOST_CANDIDATES = 12
@@ -31,6 +32,9 @@ def read_diagnoses(results):
 def story_of(results, diagnosis, ladder):
     """Return [(figure, what it shows)] of one camera: one capture before and after, and how the error falls."""
     camera = diagnosis["camera"]
+    if diagnosis.get("baseline"):
+        figure = change_figure(results, diagnosis)
+        return [] if figure is None else [(figure, f"{camera}: one photograph then and one now")]
     pictures = []
     example = example_figure(results, camera)
     if example is not None:
@@ -81,9 +85,29 @@ def example_figure(results, camera):
     return fig
 
 
+def change_figure(results, diagnosis):
+    """Return a figure: a photograph of the baseline and one of now, with arrows from where the earlier camera has what they
+    show; None without pictures.
+    """
+    paths = [Path(results) / "diagnosis" / diagnosis["camera"] / f"change_{when}.png" for when in ("before", "after")]
+    if not all(p.is_file() for p in paths):
+        return None
+    shown = diagnosis["shown"]
+    titles = f"{diagnosis['baseline']}: {shown['before']}", f"{diagnosis['campaign']}: {shown['after']}"
+    fig, axes = plt.subplots(1, 2, figsize=(1.5 * figures.WIDTH_IN, 3.2))
+    for axis, path, title in zip(axes, paths, titles, strict=True):
+        axis.imshow(plt.imread(path))
+        axis.set_title(title, fontsize=9.5)
+        axis.axis("off")
+    fig.suptitle(f"Off where the earlier camera shows it, {shown['times']:g} times as long", fontsize=11)
+    return fig
+
+
 def words(diagnosis):
     """Return Markdown sentences of a verdict, made from its numbers."""
     lines = [f"### {diagnosis['camera']}: {diagnosis['verdict']}"]
+    if diagnosis.get("baseline"):
+        return "\n\n".join([*lines, changes_words(diagnosis)])
     if diagnosis.get("why"):
         return "\n\n".join([*lines, diagnosis["why"].capitalize() + "."])
     steps = diagnosis["steps"]

@@ -10,6 +10,7 @@ generator (tests/bench/generator) shares no image formation with the effects; se
 TRIALS_FOLDER = "results/blind_trials"
 TRIALS_SEED = config["blind_trials"]["seed"]
 TRIALS_SIZE = config["blind_trials"]["size"]
+TRIALS_PHOTOGRAPHS = config["blind_trials"]["photographs"]
 TRIALS = names_of(config["blind_trials"], TRIALS_SEED, TRIALS_SIZE)
 
 
@@ -36,12 +37,17 @@ rule generate_trial:
         index=trial_index,
         seed=TRIALS_SEED,
         size=TRIALS_SIZE,
+        photographs=(
+            f" --photographs {shlex.quote(TRIALS_PHOTOGRAPHS)}"
+            if TRIALS_PHOTOGRAPHS
+            else ""
+        ),
         python=PYTHON,
     message:
         "Generating {wildcards.trial}"
     shell:
         "{params.python} scripts/trials/generate_trials.py --out $(dirname {output.campaign}) --truths $(dirname $(dirname {output.truth}))"
-        " --kind {params.kind} --first {params.index} --seed {params.seed:q} --size {params.size} > {log} 2>&1"
+        " --kind {params.kind} --first {params.index} --seed {params.seed:q} --size {params.size}{params.photographs} > {log} 2>&1"
 
 
 rule observe_trial:

@@ -7,6 +7,7 @@ import hashlib
 import json
 import math
 import re
+import shlex
 import sys
 from pathlib import Path
 
@@ -17,6 +18,7 @@ import pandas as pd
 from detectors import contract
 from expand_tables import facts_of
 from imports import imports_of
+from inputs.baseline import check_baseline
 from inputs.campaign import load_campaign
 from inputs.config import check_choice, check_config
 from rig.errors import InputError
@@ -39,7 +41,13 @@ def checked():
         if done["campaign"]:
             campaign = load_campaign(done["campaign"])
             check_captures(campaign)
+            if done["baseline"]:
+                check_baseline(campaign, done["baseline"])
             return done, campaign
+        if done["baseline"]:
+            raise InputError(
+                "configuration: baseline: a campaign of photographs is compared with it, no experiment"
+            )
         return done, load_experiment(done["experiment"])
     except InputError as error:
         end_with(error)
@@ -123,6 +131,12 @@ def images(*cameras):
     rows = SOURCE.captures
     wanted = rows[rows.camera.isin(cameras or CAMERAS)]
     return [f"{CAMPAIGN}/{image}" for image in wanted.image]
+
+
+def earlier_images(wildcards):
+    """Return the baseline's images of wildcards.camera."""
+    rows = EARLIER.captures[EARLIER.captures.camera == wildcards.camera]
+    return ancient([f"{BASELINE}/{image}" for image in rows.image])
 
 
 def captures_of(wildcards):
@@ -381,6 +395,13 @@ DIVIDED = [
     c for c in CAMERAS if CAMPAIGN and not BOARD and CAPTURE_COUNTS[c] > config["batch"]
 ]
 UNDIVIDED = [c for c in CAMERAS if c not in DIVIDED]
+BASELINE = config["baseline"]
+EARLIER = load_campaign(BASELINE) if BASELINE else None
+BEFORE = f"results/{EARLIER.file.name}" if BASELINE else None
+# What a campaign's own captures say; beside a baseline the verdict is on what has changed.
+VERDICT = f"{RESULTS}/diagnosis/{{camera}}.json"
+ALONE = f"{RESULTS}/diagnosis/{{camera}}/alone.json"
+OWN_VERDICT = ALONE if BASELINE else VERDICT
 DIAGNOSIS = (
     expand(f"{RESULTS}/diagnosis/{{camera}}.json", camera=CAMERAS)
     + [f"{RESULTS}/tables/ladder.csv"]

@@ -14,7 +14,7 @@ rule compare_twins:
         captures=f"{RESULTS}/expand/captures.csv",
         register=f"{RESULTS}/register/{{camera}}.csv",
         register_json=f"{RESULTS}/register/{{camera}}.json",
-        verdict=f"{RESULTS}/diagnosis/{{camera}}.json",
+        verdict=OWN_VERDICT,
         # A detector's code reruns this through its detections.
         detections=expand(
             f"{RESULTS}/detect/{{{{camera}}}}/{{detector}}.csv", detector=DETECTORS

@@ -83,7 +83,7 @@ rule diagnose_camera:
         code=imports_of("diagnose_camera.py"),
         effect_code=diagnosis_effect_code,
     output:
-        verdict=f"{RESULTS}/diagnosis/{{camera}}.json",
+        verdict=OWN_VERDICT,
         ladder=f"{RESULTS}/diagnosis/{{camera}}/ladder.csv",
         plates=f"{RESULTS}/diagnosis/{{camera}}/plates.parquet",
         fields=f"{RESULTS}/diagnosis/{{camera}}/fields.parquet",

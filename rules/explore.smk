@@ -25,7 +25,7 @@ rule explore_camera:
         scene=f"{RESULTS}/expand/{{camera}}/scene.json",
         register=f"{RESULTS}/register/{{camera}}.csv",
         register_json=f"{RESULTS}/register/{{camera}}.json",
-        verdict=f"{RESULTS}/diagnosis/{{camera}}.json",
+        verdict=OWN_VERDICT,
         ladder=f"{RESULTS}/diagnosis/{{camera}}/ladder.csv",
         twin=f"{RESULTS}/twin/{{camera}}",
         images=captures_of,

@@ -38,7 +38,7 @@ if BOARD:
             register=f"{RESULTS}/register/{{camera}}.csv",
             register_json=f"{RESULTS}/register/{{camera}}.json",
             manifest=f"{RESULTS}/render/{{camera}}.json",
-            verdict=f"{RESULTS}/diagnosis/{{camera}}.json",
+            verdict=OWN_VERDICT,
             images=captures_of,
             code=imports_of("draw_board_example.py"),
             effect_code=code_of_effects(available_effects()),

@@ -13,9 +13,10 @@ import sys
 import time
 from pathlib import Path
 
+import cv2
 import pytest
 
-from board_photographs import drawn, lay
+from board_photographs import drawn, lay, photograph
 from calibrations.formats import available_formats
 from calibrations.lens import Calibration
 from inputs.campaign import Board
@@ -39,6 +40,17 @@ def planned(place, command):
     said = place.run(f"{command} -n")
     assert "Traceback" not in said
     return said
+
+
+def compared(place, command):
+    """Plan it with other photographs of the same board as the earlier campaign: the same ones are refused."""
+    now = place.folder.parent / "photographs"
+    earlier = shutil.copytree(now, place.folder.parent / "earlier")
+    for k, file in enumerate(sorted(earlier.glob("*.png"))):
+        cv2.imwrite(str(file), photograph(cv2.imread(str(file), cv2.IMREAD_GRAYSCALE), 100 + k))
+    text = (now / "campaign.yaml").read_text().replace("name: photographs", "name: earlier")
+    (earlier / "campaign.yaml").write_text(text)
+    return planned(place, command.replace("path/to/earlier", str(earlier)))
 
 
 def on_a_copy(place, command):
@@ -138,6 +150,7 @@ COMMANDS = {
     "python scripts/start_campaign.py path/to/photographs --marker-mm 50": on_a_copy,
     "python scripts/start_campaign.py path/to/photographs --square-mm 25": as_it_stands,
     "snakemake --cores 2 --config campaign=path/to/photographs": planned,
+    "snakemake --cores 2 diagnose --config campaign=path/to/photographs baseline=path/to/earlier": compared,
     "python scripts/export_camera.py hp325 --format opencv": without_results,
     "python scripts/export_camera.py hp325 --format twin_camera": without_results,
     "python scripts/export_camera.py path/to/calibration.yaml --format colmap": as_it_stands,
@@ -224,7 +237,7 @@ def place(tmp_path_factory):
     (place.folder / ".venv").symlink_to(Path(sys.prefix))
     lay_down(folder / "folder")
     board = Board(type="charuco", dictionary="DICT_5X5_100", columns=7, rows=10, square_m=0.025, marker_m=0.01875)
-    lay(folder / "photographs", drawn(target_plate(board)))
+    lay(folder / "photographs", drawn(target_plate(board)), 5)
     camera = Calibration(640, 480, 500.0, 500.0, 320.0, 240.0, "opencv", (-0.1, 0.01, 0.0, 0.0))
     (folder / "calibration.yaml").write_text(available_formats()["opencv"].write("mine", camera))
     place.run("dvc pull --quiet --remote embedded data/raw/frame.dvc data/raw/aruco6x6_gridboard.dvc")

@@ -110,6 +110,10 @@ class BlindTrials(Settings):
     outside: int = Field(10, ge=0, le=10_000, description="an effect that the library lacks; 10 hide each once")
     power: int = Field(0, ge=0, le=10_000, description="strengths 0.25, 0.5, 1 of an effect; 87 try each once")
     whole: int = Field(0, ge=0, le=10_000, description="a whole camera: four to nine effects of the library at once")
+    real: int = Field(
+        0, ge=0, le=10_000, description="photographs of boards, one effect laid on or, of every third, none"
+    )
+    photographs: MaybePath = Field(None, description="folder of campaigns of boards, for real")
     size: Literal["standard", "small", "tiny"] = Field(
         "standard", description="standard: 20 captures of half a megapixel; small: 8; tiny: 4"
     )
@@ -120,6 +124,10 @@ class Config(Settings):
     """config.yaml"""
 
     campaign: MaybePath = Field("data/raw/frame", description="folder of measurements; see docs/campaign-format.md")
+    baseline: MaybePath = Field(
+        None,
+        description="an earlier campaign of the same cameras; a diagnosis then says what has changed since",
+    )
     experiment: MaybePath = Field(
         None,
         description="a designed experiment without photographs, in the campaign's place (config/experiments)",

@@ -79,6 +79,8 @@ def verdict_words(diagnosis):
     """Return what a camera's diagnosis says, in words made from its numbers."""
     if diagnosis.get("why"):
         return f"nothing could be diagnosed: {diagnosis['why']}."
+    if diagnosis.get("baseline"):
+        return changes_words(diagnosis)
     steps = diagnosis.get("steps", [])
     effects = listed(effect_words(step) for step in steps)
     if diagnosis["verdict"] == "adequate":
@@ -101,6 +103,30 @@ def verdict_words(diagnosis):
         if station and station.get("height_m") is not None:
             words += f" A station at {station['height_m']:g} m height and {station['tilt_deg']:g}° tilt could."
     return words + not_looked_at_words(diagnosis)
+
+
+def changes_words(diagnosis):
+    """Return what a camera's diagnosis says has changed since its baseline, a sentence a change."""
+    since, (before, after) = diagnosis["baseline"], diagnosis["captures"]
+    words = [f"Since {since} {change_words(step)}." for step in diagnosis["steps"]]
+    if not words:
+        words.append(
+            f"Nothing that has a name has changed since {since}, as far as {before} captures then and {after} now tell."
+        )
+    if diagnosis["verdict"] == "unexplained":
+        words.append("Something has changed that no known effect explains.")
+    return " ".join(words) + not_looked_at_words(diagnosis)
+
+
+def change_words(step):
+    """Return a change in words, such as ``focal length has changed: ratio from 1.001 to 1.020 ± 0.002``."""
+    others = [plain(name) for name in step.get("one_of", []) if name != step["effect"]]
+    name = plain(step["effect"]) + (f" (or {listed(others)}: these captures cannot tell)" if others else "")
+    parameters = step["parameters"]
+    if len(parameters) > MOST_TOLD:
+        return f"{name} has changed ({len(parameters)} parameters)"
+    values = (f"{k} from {p['from']:.4g} to {with_error(p['to'], p['se'])}" for k, p in parameters.items())
+    return f"{name} has changed: {', '.join(values)}"
 
 
 def not_looked_at_words(diagnosis):

@@ -17,11 +17,16 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import cv2
+import pandas as pd
 
 import job
+from case_files import load_measured
 from diagnose_camera import verdict_record
+from find_changes import changes_record
+from gap.changes import changes
 from gap.select_effects import verdict
-from trials.observe_trial import observe_trial, observed_cases
+from trials.observe_trial import OBSERVATIONS, REFUSED, observe_trial, observed_cases
+from trials.trial_names import BASELINE, CHANGED
 
 
 def diagnose_case(case):
@@ -35,8 +40,27 @@ def diagnose_case(case):
     return record | verdict_record(base, first, outcome) | {"seconds": time.perf_counter() - start}
 
 
+def diagnose_changes(folder):
+    """Return what diagnosis/CAMERA.json says has changed in a trial on real photographs; ``refused``: they show too little."""
+    folder = Path(folder)
+    camera = pd.read_csv(next(folder.glob("*/expand/captures.csv"))).camera.iloc[0]
+    nothing = {"camera": camera, "verdict": "refused", "steps": [], "gap": None}
+    if (folder / REFUSED).is_file():
+        return nothing | {"why": (folder / REFUSED).read_text(encoding="utf-8").strip()}
+    parts = [folder / name for name in (BASELINE, CHANGED)]
+    start = time.perf_counter()
+    try:
+        problems = [load_measured(p / "expand", parts[0] / "register.json", camera, p / OBSERVATIONS) for p in parts]
+        record = changes_record(changes(*problems), [{"campaign": p.name, "camera": camera} for p in parts])
+    except ValueError as why:
+        return nothing | {"why": str(why)}
+    return record | {"seconds": time.perf_counter() - start}
+
+
 def replay(folder):
     """Return the verdicts, one a camera, of what ``observe_trial`` left in a folder: a list of dicts."""
+    if (Path(folder) / BASELINE).is_dir():
+        return [job.clean(diagnose_changes(folder))]
     return [job.clean(diagnose_case(case)) for case in observed_cases(folder)]
 
 

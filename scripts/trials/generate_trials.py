@@ -12,6 +12,8 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests/bench")]
 
 from generator import LIBRARY, OUTSIDE, draw_effect, generate_campaign, nominal
+from rig.errors import InputError
+from trials.real_trials import generate_real_trial
 from trials.trial_names import KINDS, POWER_STRENGTHS, identity
 
 # What a whole camera is drawn from: the parts, of each how many at least and at most; of effects in brackets one.
@@ -106,6 +108,7 @@ def main(argv=None):
     parser.add_argument("--seed", required=True, help="a name; the same name gives the same trials")
     parser.add_argument("--effect", choices=[*LIBRARY, *OUTSIDE], help="hide this one instead of a drawn one")
     parser.add_argument("--strength", type=float, help="1 is clear; 0.25 and 0.5 for power curves")
+    parser.add_argument("--photographs", help="folder of campaigns of boards, for --kind real")
     parser.add_argument("--size", choices=list(nominal.CAMERAS), default="standard")
     a = parser.parse_args(argv)
     if Path(a.truths).resolve().is_relative_to(Path(a.out).resolve()):
@@ -115,7 +118,17 @@ def main(argv=None):
     allowed = {"none": (), "whole": (), "outside": OUTSIDE, "single": LIBRARY, "pair": LIBRARY}.get(a.kind)
     if a.effect and allowed is not None and a.effect not in allowed:
         parser.error(f"--kind {a.kind} does not go with --effect {a.effect}")
+    if (a.kind == "real") != bool(a.photographs):
+        parser.error("--kind real needs --photographs FOLDER, and nothing else does")
     for index in range(a.first, a.first + a.count):
+        if a.kind == "real":
+            try:
+                print(
+                    generate_real_trial(a.out, a.truths, a.photographs, index, a.seed, a.effect, a.strength), flush=True
+                )
+            except InputError as error:
+                parser.exit(1, f"error: {error}\n")
+            continue
         name, _ = generate_trial(a.out, a.truths, a.kind, index, a.seed, a.effect, a.strength, a.size)
         print(name, flush=True)
 

@@ -20,10 +20,14 @@ import cv2
 import job
 from case_files import load_case, load_observations, read_capture, save_observations
 from expand_tables import expand_tables
+from inputs.campaign import load_campaign
+from observe_captures import observe_captures
 from register_captures import register_captures
 from rig.errors import InputError
+from trials.trial_names import BASELINE, CHANGED
 
 OBSERVATIONS = "observations.npz"
+REFUSED = "refused.txt"
 
 
 def observe_camera(campaign, camera, folder):
@@ -41,16 +45,39 @@ def observe_camera(campaign, camera, folder):
 def observe_trial(campaign, out):
     """Write ``out``/CAMERA/ for every camera of a campaign's folder; ``out`` is there whole or not at all."""
     campaign, out = Path(campaign), Path(out)
-    if not (campaign / "images").is_dir():
-        raise InputError(f"{campaign}/images: no such folder; a campaign of markers with photographs is needed")
+    observe = _observe_real if (campaign / BASELINE).is_dir() else _observe_rig
     out.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=out.parent, prefix=f".{out.name}.") as scratch:
         whole = Path(scratch) / out.name
-        for images in sorted((campaign / "images").iterdir()):
-            observe_camera(campaign, images.name, whole / images.name)
+        observe(campaign, whole)
         if out.exists():
             shutil.rmtree(out)
         os.replace(whole, out)
+
+
+def _observe_rig(campaign, out):
+    """Write ``out``/CAMERA/ for every camera of a campaign of markers."""
+    if not (campaign / "images").is_dir():
+        raise InputError(f"{campaign}/images: no such folder; a campaign of markers with photographs is needed")
+    for images in sorted((campaign / "images").iterdir()):
+        observe_camera(campaign, images.name, out / images.name)
+
+
+def _observe_real(folder, out):
+    """Write ``out``/baseline/ and ``out``/changed/ of a trial on photographs of a board, or why they show too little."""
+    for part in (BASELINE, CHANGED):
+        camera = load_campaign(folder / part).captures.camera.iloc[0]
+        of_part = out / part
+        expand_tables(folder / part, None, camera, of_part / "expand")
+        try:
+            if part == BASELINE:
+                register_captures(
+                    of_part / "expand", folder / part, camera, of_part / "register.csv", of_part / "register.json"
+                )
+            observe_captures(of_part / "expand", None, folder / part, camera, of_part / OBSERVATIONS)
+        except InputError as error:
+            (out / REFUSED).write_text(f"{error}\n", encoding="utf-8")
+            return
 
 
 def observed_cases(folder):

@@ -97,7 +97,7 @@ def trial_row(verdict, truth, twin=None):
         "parameters": "; ".join(in_words(e) for e in truth["effects"]),
         "verdict": verdict["verdict"],
         "named": " ".join(named),
-        "first_right": bool(named) and named[0] in inside,
+        "first_right": bool(named) and any(name in inside for name in names_in(verdict["steps"][0])[:MAX_GROUP]),
         "set_right": set(named) == set(inside),
         "gap_before": verdict.get("gap_as_configured"),
         "gap": verdict["gap"],
@@ -181,6 +181,8 @@ def summary_of(trials, parameters):
     """Return the table of aims, those rows for which there are trials: what, aim, value, its 95 % interval, unit, counts."""
     kinds = counted_as(trials)
     by = {kind: trials[kinds == kind] for kind in ("single", "pair", "none", "outside", "whole")}
+    real = trials[(kinds == "real") & (trials.verdict != "refused")]
+    changed, same = real[real.hidden != ""], real[real.hidden == ""]
     outside, whole, closed = by["outside"], by["whole"], pd.concat([by["single"], by["pair"]])
     hits = [
         ("single effects: the right one first", "98 %", by["single"].first_right),
@@ -191,6 +193,8 @@ def summary_of(trials, parameters):
         ("outside the library: said unexplained", "97 %", outside.verdict == "unexplained"),
         ("outside the library: a wrong name given", "at most 5 %", outside.named != ""),
         ("held-out gap after the climb at most 1.05 floors", "95 %", closed.gap.fillna(np.inf) <= ENOUGH_GAP),
+        ("what has changed on photographs: the right effect first", "90 %", changed.first_right),
+        ("nothing changed on photographs: something named (false alarm)", "at most 2 %", same.named != ""),
         ("whole cameras: said explained", "", whole.verdict == "explained"),
     ]
     counts = [(what, aim, int(hit.sum()), len(hit)) for what, aim, hit in hits]

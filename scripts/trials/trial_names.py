@@ -2,7 +2,8 @@
 
 import hashlib
 
-KINDS = ("single", "pair", "none", "outside", "power", "whole")
+KINDS = ("single", "pair", "none", "outside", "power", "whole", "real")
+BASELINE, CHANGED = "baseline", "changed"  # the two campaigns of a trial on real photographs
 POWER_STRENGTHS = (0.25, 0.5, 1.0)
 
 
@@ -19,4 +20,8 @@ def identity(kind, index, seed, effect=None, strength=None, size="standard"):
 
 def names_of(counts, seed, size):
     """Return {name: (kind, index)} of all trials; ``counts`` is {kind: number}."""
-    return {identity(kind, index, seed, size=size)[0]: (kind, index) for kind in KINDS for index in range(counts[kind])}
+    return {
+        identity(kind, index, seed, size=size)[0]: (kind, index)
+        for kind in KINDS
+        for index in range(counts.get(kind, 0))
+    }

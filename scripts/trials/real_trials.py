@@ -1,0 +1,129 @@
+"""Trials on real photographs: of a campaign of a board every other photograph is the baseline, and on the rest an effect is laid,
+or none.
+"""
+
+import csv
+import json
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests/bench")]
+
+import cv2
+
+from generator import draw_effect, nominal
+from generator.photographs import MOVES_POINTS, Retaken, is_in_colour, why_not_laid
+from inputs.campaign import load_campaign
+from inputs.images import read_image
+from rig.errors import InputError
+from trials.trial_names import BASELINE, CHANGED, identity
+
+MIN_PHOTOGRAPHS = 12  # of a campaign, half of them in each set
+NULLS = 3  # every so many trials nothing is laid on
+
+
+@dataclass(frozen=True)
+class Source:
+    """A campaign of photographs of a board by one camera: its folder, the camera's name and size, the captures' rows."""
+
+    folder: Path
+    camera: str
+    size: tuple
+    captures: list
+
+
+def sources_in(folder):
+    """Return ([Source], {folder's name: why it is none}) of a folder of campaigns; raises InputError where there is none."""
+    found, refused = [], {}
+    for path in sorted(p for p in Path(folder).glob("*") if (p / "campaign.yaml").is_file()):
+        campaign = load_campaign(path)
+        cameras = sorted(set(campaign.captures.camera))
+        if campaign.file.target is None or len(cameras) > 1:
+            refused[path.name] = "photographs of one board by one camera are needed"
+        elif len(campaign.captures) < MIN_PHOTOGRAPHS:
+            refused[path.name] = f"{len(campaign.captures)} photographs, and {MIN_PHOTOGRAPHS} are needed"
+        else:
+            camera = campaign.file.cameras[cameras[0]]
+            rows = campaign.captures.sort_values("capture")[["capture", "image"]].to_dict("records")
+            found.append(Source(path, cameras[0], (camera.width, camera.height), rows))
+    if not found:
+        raise InputError(f"{folder}: no campaign of a board with {MIN_PHOTOGRAPHS} photographs or more in it")
+    return found, refused
+
+
+def dealt(names, index, *seed):
+    """Deal names like a shuffled pack, a new pack after each round, so that every name comes equally often."""
+    names = list(names)
+    order = nominal.rng_of("pack", index // len(names), *seed).permutation(len(names))
+    return names[order[index % len(names)]]
+
+
+def laid_effect(index, seed, effect=None):
+    """Return the name of what is laid on in trial ``index``, None where nothing is: a third of the trials."""
+    if index % NULLS == NULLS - 1:
+        return None
+    return effect or dealt(MOVES_POINTS, index - index // NULLS, seed, "laid")
+
+
+def drawn_effect(name, strength, camera, seed_name):
+    """Return the parameters of an effect drawn for a nominal.Camera; a shutter's as a shear, for want of the scene's depth."""
+    for k in range(100):
+        p = draw_effect(name, strength, camera, f"{seed_name}/{k}" if k else seed_name)
+        if name != "rolling_shutter" or p["model"] == "shear":
+            return p
+    raise AssertionError(f"{name}: no draw can be laid on")
+
+
+def generate_real_trial(out, truths, folder, index, seed, effect=None, strength=None):
+    """Write two campaigns, ``out``/NAME/baseline and ``out``/NAME/changed, and what is laid on below ``truths``; return NAME.
+
+    Raises InputError where ``folder`` has no campaigns of boards, or the effect cannot be laid on.
+    """
+    name, trial_seed, strength = identity("real", index, seed, effect, strength)
+    source = dealt(sources_in(folder)[0], index, seed, "sources")
+    camera = nominal.Camera(source.camera, *source.size, float(max(source.size)))
+    laid = laid_effect(index, seed, effect)
+    images = {row["capture"]: _red_first(source.folder / row["image"]) for row in source.captures}
+    if laid and (why := why_not_laid(laid, any(map(is_in_colour, images.values())))):
+        raise InputError(f"{source.folder}: {why}")
+    effects = {laid: drawn_effect(laid, strength, camera, trial_seed)} if laid else {}
+    for part, first, acting in ((BASELINE, 0, {}), (CHANGED, 1, effects)):
+        retaken = Retaken(camera, acting, f"{trial_seed}/{part}")
+        names = [row["capture"] for row in source.captures][first::2]
+        _write_campaign(
+            Path(out) / name / part, source, f"{name}-{part}", {n: retaken.photograph(images[n], n) for n in names}
+        )
+    truth = {
+        "campaign": name, "camera": source.camera, "kind": "real", "index": index, "strength": strength,
+        "source": source.folder.name,
+        "effects": [{"effect": n, "in_library": True, "parameters": p, "library_parameters": None} for n, p in effects.items()],
+    }  # fmt: skip
+    path = Path(truths) / name / "truth.json"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
+    return name
+
+
+def _red_first(path):
+    """Return an image (H, W, 3) of 8 bits, red first."""
+    image = read_image(path)
+    image = (image // 257).astype("uint8") if image.dtype == "uint16" else image
+    return cv2.cvtColor(image, cv2.COLOR_GRAY2RGB) if image.ndim == 2 else image[..., 2::-1]
+
+
+def _write_campaign(folder, source, name, images):
+    """Write a campaign's folder; campaign.yaml last, so that one that was cut short has none."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for capture, image in images.items():
+        cv2.imwrite(str(folder / f"{capture}.png"), image[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    with open(folder / "captures.csv", "w", encoding="utf-8", newline="") as file:
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(["capture", "camera", "image"])
+        rows.writerows([capture, source.camera, f"{capture}.png"] for capture in images)
+    text = (source.folder / "campaign.yaml").read_text(encoding="utf-8")
+    text = re.sub(r"^name:.*$", f"name: {name}", text, count=1, flags=re.M)
+    text = re.sub(r"^captures:.*$", "captures: captures.csv", text, count=1, flags=re.M)
+    (folder / "campaign.yaml").write_text(text, encoding="utf-8")
