@@ -263,9 +263,15 @@ def test_the_generator_shares_no_code_with_the_project():
         assert not {name.split(".")[0] for name in names_imported(file)} & own
     generate = names_imported(scripts / "trials/generate_trials.py")
     assert {name for name in generate if name.split(".")[0] in own} == {
+        "rig.errors",
+        "rig.errors.InputError",
+        "trials.real_trials",
+        "trials.real_trials.generate_real_trial",
         "trials.trial_names",
         *(f"trials.trial_names.{name}" for name in ("KINDS", "POWER_STRENGTHS", "identity")),
     }
+    of_photographs = names_imported(scripts / "trials/real_trials.py")  # reads campaigns, but lays on what is its own
+    assert not {name.split(".")[0] for name in of_photographs} & {"effects", "gap"}
 
 
 def test_unknown_effects_are_refused(tmp_path):
