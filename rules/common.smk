@@ -395,6 +395,8 @@ DIVIDED = [
     c for c in CAMERAS if CAMPAIGN and not BOARD and CAPTURE_COUNTS[c] > config["batch"]
 ]
 UNDIVIDED = [c for c in CAMERAS if c not in DIVIDED]
+# Whether a board's cells are looked at besides its points.
+CELLS = BOARD and config["diagnose"]["cells"]
 BASELINE = config["baseline"]
 EARLIER = load_campaign(BASELINE) if BASELINE else None
 BEFORE = f"results/{EARLIER.file.name}" if BASELINE else None
@@ -403,8 +405,7 @@ VERDICT = f"{RESULTS}/diagnosis/{{camera}}.json"
 ALONE = f"{RESULTS}/diagnosis/{{camera}}/alone.json"
 OWN_VERDICT = ALONE if BASELINE else VERDICT
 DIAGNOSIS = (
-    expand(f"{RESULTS}/diagnosis/{{camera}}.json", camera=CAMERAS)
-    + [f"{RESULTS}/tables/ladder.csv"]
+    expand(VERDICT, camera=CAMERAS) + [f"{RESULTS}/tables/ladder.csv"]
     if CAMPAIGN
     else []
 )

@@ -1,9 +1,9 @@
 """Diagnose: which effect the twin of each camera lacks, and how its error falls as effects are added.
 
 Needs: expand/, register/CAMERA.json, captures, the twin as configured. Makes: diagnosis/CAMERA.json (the verdict),
-diagnosis/CAMERA/ (observations, tables for pictures), tables/ladder.csv. Photographs of a board go the same way; points are
-all that is known of them. Of several cameras each takes one core, so that none waits for two
-that are free at once. No Blender in the loop: the fit draws the known plates itself (scripts/gap/predict/, held to
+diagnosis/CAMERA/ (observations, tables for pictures), tables/ladder.csv. Photographs of a board go the same way, by their
+points, and by their cells where ``diagnose.cells`` says so. Of several cameras each takes one core, so that none waits for two that
+are free at once. No Blender in the loop: the fit draws the known plates itself (scripts/gap/predict/, held to
 Blender's renders by a test).
 """
 
@@ -39,7 +39,7 @@ rule observe_captures:
         "../scripts/observe_captures.py"
 
 
-if BOARD and config["diagnose"]["cells"]:
+if CELLS:
 
     rule observe_patches:
         input:
@@ -75,11 +75,7 @@ rule diagnose_camera:
         scene=f"{RESULTS}/expand/{{camera}}/scene.json",
         register_json=f"{RESULTS}/register/{{camera}}.json",
         observations=f"{RESULTS}/diagnosis/{{camera}}/observations.npz",
-        patches=(
-            f"{RESULTS}/diagnosis/{{camera}}/patches.npz"
-            if BOARD and config["diagnose"]["cells"]
-            else []
-        ),
+        patches=f"{RESULTS}/diagnosis/{{camera}}/patches.npz" if CELLS else [],
         code=imports_of("diagnose_camera.py"),
         effect_code=diagnosis_effect_code,
     output:

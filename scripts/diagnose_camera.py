@@ -9,6 +9,7 @@ import json
 import logging
 import os
 import time
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
@@ -123,9 +124,9 @@ def diagnose_camera(
     """Go from the twin as configured to the verdict and write everything that tells how.
 
     ``patches`` is the file of what a board's cells show, None where points alone are looked at. effects [[name, parameters], ...]
-    and free [[effect, parameter], ...] of the twin as configured; ``candidates`` are names
-    of effects; ``budget`` counts predictions of one capture. ``kept`` is a folder of earlier outcomes (gap.kept); what they
-    depend on besides are the measurements and the files of ``code`` and ``effect_code``.
+    and free [[effect, parameter], ...] of the twin as configured; ``candidates`` are names of effects; ``budget`` counts
+    predictions of one capture. ``kept`` is a folder of earlier outcomes (gap.kept); what they depend on besides are the
+    measurements and the files of ``code`` and ``effect_code``.
     """
     expand, out_gaps = Path(expand), Path(out_gaps)
     configured = [(n, p) for n, p in effects]
@@ -165,22 +166,23 @@ def diagnose_camera(
     if not case.draws:
         result["floor"] = {"corners_px": case.noise_px} | twin.floors
     if patches:
-        files = expand, register_json, camera, patches
         facts = camera, sorted(fixed), twin.effects, twin.poses.tobytes()
-        of_patches = stored_outcomes(
+        store = stored_outcomes(
             f"{kept}/patches", [*code, *effect_code, patches, observations, register_json], expand, facts
         )
-        try:
-            closely, own, tried, closer, hidden = look_at_patches(
-                files, case, outcome, list(not_looked_at), budget, threads, teller(camera), of_patches
-            )
-            of_patches.drop_unused()
-        except ValueError as why:
-            result["not_looked_at"] = dict.fromkeys(not_looked_at, str(why)) | result["not_looked_at"]
-        else:
-            result["not_looked_at"] = {n: w for n, w in not_looked_at.items() if library.is_pure_geometry(n)} | hidden
-            result = both_looks(result, verdict_record(own, tried, closer), closely, base, outcome.steps)
-            rows = rows_of_both(rows, closely, closer, rungs)
+        look = partial(
+            look_at_patches,
+            (expand, register_json, camera, patches),
+            case,
+            outcome,
+            list(not_looked_at),
+            budget,
+            threads,
+        )
+        result, rows = with_cells(
+            result, rows, base, outcome, rungs, not_looked_at, partial(look, teller(camera), store)
+        )
+        store.drop_unused()
     with job.write_atomically(out) as file:
         json.dump(job.clean(result), file, indent=1, sort_keys=True)
     with job.write_atomically(out_ladder) as file:
@@ -190,6 +192,22 @@ def diagnose_camera(
         write_example(search.solver, worst, images[worst], (base, twin), out_gaps)
     told = camera, result["verdict"], result["gap_as_configured"], result["gap"]
     log.info("%s: %s; gap %.2f -> %.2f floors", *told)
+
+
+def with_cells(result, rows, base, outcome, rungs, not_looked_at, look):
+    """Return (record, ladder's rows) with what a board's cells tell added to what its points did; as they are where too few
+    are seen.
+
+    base, outcome and ``rungs`` are of the points, ``not_looked_at`` {effect: why} what these do not show; ``look`` looks at the
+    cells (diagnose_patches.look_at_patches).
+    """
+    try:
+        search, own, tried, closer, hidden = look()
+    except ValueError as why:
+        return result | {"not_looked_at": dict.fromkeys(not_looked_at, str(why)) | result["not_looked_at"]}, rows
+    result = both_looks(result, verdict_record(own, tried, closer), search, base, outcome.steps)
+    unseen = {n: why for n, why in not_looked_at.items() if library.is_pure_geometry(n)}
+    return result | {"not_looked_at": unseen | hidden}, rows_of_both(rows, search, closer, rungs)
 
 
 def teller(camera):

@@ -137,8 +137,13 @@ def _cubic_terms(points, pixels):
     """Return the terms (n, 10) of a cubic polynomial in where a homography has points (n, 3), near their pixels (n, 2)."""
     H, _ = cv2.findHomography(points[:, :2], pixels)
     mapped = cv2.perspectiveTransform(points[None, :, :2], H)[0]
-    x, y = ((mapped - mapped.mean(0)) / max(mapped.std(), 1e-9)).T
-    return np.stack([x**i * y**j for i in range(4) for j in range(4 - i)], axis=1)
+    return polynomial_terms((mapped - mapped.mean(0)) / max(mapped.std(), 1e-9), 3)
+
+
+def polynomial_terms(xy, order):
+    """Return the terms (n, k) of a polynomial of an order in x and y (n, 2)."""
+    x, y = xy.T
+    return np.stack([x**i * y**j for i in range(order + 1) for j in range(order + 1 - i)], axis=1)
 
 
 def seen_by_points(names):

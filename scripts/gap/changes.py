@@ -18,14 +18,12 @@ from gap.joint_fit import JointFit, JointTwin, Slots, moments, ridge_of
 from gap.parameters import fitted_parameters, image_step, spec
 from gap.permutation import MAX_DIRECTIONS, Moments, labellings, p_values
 from gap.residuals import NU, flatten, rho
-from gap.search import MAX_PARAMETERS
+from gap.select_effects import is_flexible
 from gap.solver import Solver
 from gap.split import thinned
 from job import seed_of
 
-MIN_CAPTURES = (
-    5  # of each set: of 252 ways to divide 5 and 5, the given one is then the most telling by chance in 0.4 %
-)
+MIN_CAPTURES = 5  # of each set: of 252 ways to divide 5 and 5, the given one is the most telling by chance in 0.4 %
 MAX_P = 0.01
 MAX_REFITTED = 4  # changes that are fitted to compare them
 MAX_CHANGES = 6
@@ -171,11 +169,6 @@ def used(problem, belongs):
 def able_to_change(problem, candidates):
     """Return those of some effects whose change a problem's captures can show."""
     return list(candidates) if problem.draws else seen_by_points(candidates)
-
-
-def is_flexible(name):
-    """Return whether an effect is a free warp, that can mimic anything of its kind."""
-    return len(library.parameters_of(name)) > MAX_PARAMETERS
 
 
 def common_twin(fit, problem, effects, names):

@@ -4,6 +4,7 @@ import numpy as np
 
 from effects import library
 from gap.parameters import get_parameter, image_step, is_geometric, small_step, with_parameters
+from rig.geometry import N_POSE
 
 POSE_STEP = np.array([1e-5] * 3 + [1e-5] * 3)  # radians, metres
 LIGHT_STEP = 0.01  # of the logarithm of light, of radiance
@@ -57,7 +58,7 @@ class Derivatives:
         residuals say where a fit ends.
         """
         start = self.problem.start_pose(i)
-        if len(start) == len(POSE_STEP):
+        if len(start) == N_POSE:
             return np.zeros((self.whiteners[i].size, 0))
         if i not in self._by_light:
             shown = self.predictor.shown(i, self.problem.given, start)
@@ -122,7 +123,7 @@ class Derivatives:
 
 def steps_of(pose):
     """Return the steps (6, k) of a pose, of a capture's nuisances (k,) the first six."""
-    return np.eye(len(POSE_STEP), len(pose)) * POSE_STEP[:, None]
+    return np.eye(N_POSE, len(pose)) * POSE_STEP[:, None]
 
 
 def flat(corners):

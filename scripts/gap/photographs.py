@@ -12,12 +12,14 @@ import cv2
 import numpy as np
 
 from effects import library, pipeline
+from gap.board import polynomial_terms
 from gap.measure.capture import COARSE_TO_FINE, N_GROUND, Codes, observe
 from gap.measure.places import SMALLEST_SIDE_PX, code_sides_px, wholly_inside
 from gap.measure.plate import FEATURES
 from gap.problem import Case, encoding_table
 from gap.residuals import LOST_PLATE, RHO_NOISE, rho
 from gap.score import MIN_FLOOR
+from rig.geometry import N_POSE
 
 LIGHT = ("gain", "along_x", "along_y", "xx", "xy", "yy", "red", "blue", "stray", "stray_red", "stray_blue")
 UNCURVED = 0.05  # prior of the second order: a lamp's light over a board, in logarithms
@@ -74,7 +76,7 @@ class PhotographsCase(Case):
 
     def start_pose(self, i):
         """Return (17,): the pose of view i, and the light that its patches' white and black show of themselves."""
-        return np.concatenate([np.zeros(6), self._first_light(self.captures[i].observation)])
+        return np.concatenate([np.zeros(N_POSE), self._first_light(self.captures[i].observation)])
 
     def _first_light(self, observation):
         """Return LIGHT (11,) of an observation by the medians of its white and black."""
@@ -84,8 +86,7 @@ class PhotographsCase(Case):
             return light
         white, black = (np.median(observation.features[seen, FEATURES.index(n)]) for n in ("white", "black"))
         of_colour = np.median(observation.colour[seen], axis=0)
-        nominal = np.interp(self.codes.levels[:2], np.linspace(0, 1, len(self.codes.lut)), self.codes.lut)
-        levels = np.array([nominal[0] + white, nominal[1] + black])
+        levels = self.codes.nominal_dn[:2] + [white, black]
         shown = np.array([levels + of_colour[:2], levels, levels + of_colour[5:7]])  # red, green, blue x white, black
         shown[1] = 3 * levels - shown[0] - shown[2]  # the mean is what is measured
         radiance = np.interp(shown, self.codes.lut, np.linspace(0, 1, len(self.codes.lut)))
@@ -151,7 +152,7 @@ def roughness(places, seen, with_cells):
     for plates, y in seen.values():
         y = np.where((y == LOST_PLATE).all(axis=1, keepdims=True), np.nan, y)
         ok = np.isfinite(y).all(axis=1)
-        terms = _terms(xy[plates[ok]], 2)
+        terms = polynomial_terms(xy[plates[ok]], 2)
         if ok.sum() < FEWEST_PATCHES:
             continue
         left.append(y[ok] - terms @ np.linalg.lstsq(terms, y[ok], rcond=None)[0])
@@ -183,18 +184,12 @@ def expected_corners(points, pixels, patches):
     mapped = cv2.perspectiveTransform(points[None, seen, :2], H)[0]
     wanted = cv2.perspectiveTransform(corners.reshape(1, -1, 3)[..., :2].copy(), H)[0]
     middle, size = mapped.mean(0), max(mapped.std(), 1e-9)
-    fit = np.linalg.lstsq(_terms((mapped - middle) / size, order), pixels[seen] - mapped, rcond=None)[0]
-    out = (wanted + _terms((wanted - middle) / size, order) @ fit).reshape(corners.shape[0], 4, 2)
+    fit = np.linalg.lstsq(polynomial_terms((mapped - middle) / size, order), pixels[seen] - mapped, rcond=None)[0]
+    out = (wanted + polynomial_terms((wanted - middle) / size, order) @ fit).reshape(corners.shape[0], 4, 2)
     side = max(2 * patch.half_patch for patch in patches)
     low, high = points[seen, :2].min(0) - side, points[seen, :2].max(0) + side
     near = ((corners[..., :2] >= low) & (corners[..., :2] <= high)).all((1, 2))
     return np.where(near[:, None, None], out, np.nan)
-
-
-def _terms(xy, order):
-    """Return the terms (n, k) of a polynomial of an order in x and y (n, 2)."""
-    x, y = xy.T
-    return np.stack([x**i * y**j for i in range(order + 1) for j in range(order + 1 - i)], axis=1)
 
 
 def competing(search, base, names):
@@ -221,5 +216,5 @@ def photographs_case(campaign, camera, scene, captures, patches):
         beyond=10 * max(p.half_patch for p in patches),
         worst_misfit=WORST_MISFIT,
     )
-    sigma = np.concatenate([np.full(6, np.inf), SIGMA_LIGHT])
+    sigma = np.concatenate([np.full(N_POSE, np.inf), SIGMA_LIGHT])
     return PhotographsCase(campaign, camera, scene, codes, captures, sigma, patches=patches)

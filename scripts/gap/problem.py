@@ -22,7 +22,7 @@ from gap.predict.predictor import Predictor
 from gap.predict.synthesis import Prints, coverages, ground_points, is_lit, shade
 from gap.score import floors_of
 from gap.split import MOST_CAPTURES
-from rig.geometry import perturb_pose, project
+from rig.geometry import N_POSE, perturb_pose, project
 
 SCENES_KEPT = 64
 GEOMETRY_KEPT_PX = 20_000_000  # 400 MB
@@ -278,7 +278,7 @@ class Case:
 
 
 def _moved(scene, view, delta):
-    return replace(view, T_cam_world=scene.T_cam_mount @ perturb_pose(view.T_cam_world, delta[:6]))
+    return replace(view, T_cam_world=scene.T_cam_mount @ perturb_pose(view.T_cam_world, delta[:N_POSE]))
 
 
 def printed_plates(scene):

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from rig.geometry import N_POSE
+
 NU = 8.0  # robust log(1 + y^2 / nu): quadratic for noise, forgiving for a bad plate
 # Standard deviations below which no difference counts: synthesis against an ideal camera's image
 FEATURE_FLOOR = np.array([0.006] * 8 + [0.15] * 3 + [0.15] * 2 + [0.012] * 3 + [0.004, 0.005, 0.006])
@@ -33,7 +35,7 @@ RHO_NOISE = rho_of_noise()
 class Whitener:
     """What turns one capture's residuals into unit-variance ones; made once from the real observation."""
 
-    def __init__(self, capture, with_noise, n_pose=6):
+    def __init__(self, capture, with_noise, n_pose=N_POSE):
         """``n_pose`` counts the capture's nuisances, pose and light."""
         self.n_pose = n_pose
         o = capture.observation

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gap.derivatives import POSE_STEP, Derivatives, flat
-from gap.normal_equations import errors_of, normal_equations, updated
+from gap.derivatives import Derivatives, flat
+from gap.normal_equations import errors_of, normal_equations, updated, without_pose
 from gap.parameters import (
     bounds_of,
     get_parameter,
@@ -22,6 +22,7 @@ from gap.parameters import (
     with_parameters,
 )
 from gap.residuals import NU, Whitener, flatten, total, width_of
+from rig.geometry import N_POSE
 
 STILL_FAR = 0.1  # share of its loss above which a step says that the next one gains as well
 OLDEST_DERIVATIVES = 3  # steps that derivatives serve
@@ -90,7 +91,7 @@ class Solver:
         theta = np.array([get_parameter(effects, f) for f in free])
         null, precision = priors_of(free)
         lower, upper = bounds_of(free)
-        damping, prior = 1e-6, self.prior[:6]
+        damping, prior = 1e-6, self.prior[:N_POSE]
         best = np.inf
         for _ in range(iterations):
             H = np.diag(precision)
@@ -112,19 +113,19 @@ class Solver:
                 Jp, Jt = Jp.reshape(y.size, 6), Jt.reshape(y.size, len(free))
                 wJp = weight.reshape(-1, 1) * Jp
                 A = Jp.T @ wJp + np.diag(prior + 1e-9)
-                b = Jp.T @ wy - prior * poses[i, :6]
+                b = Jp.T @ wy - prior * poses[i, :N_POSE]
                 C = wJp.T @ Jt
                 H += Jt.T @ (weight.reshape(-1, 1) * Jt) - C.T @ np.linalg.solve(A, C)
                 g += Jt.T @ wy - C.T @ np.linalg.solve(A, b)
                 blocks.append((i, A, b, C))
-                loss += (prior * poses[i, :6] ** 2).sum()
+                loss += (prior * poses[i, :N_POSE] ** 2).sum()
             d = np.zeros(len(free))
             if len(free):
                 d = np.linalg.solve(H + np.diag(np.diag(H) * damping + 1e-12), g)
                 d = np.clip(theta + d, lower, upper) - theta
             poses = poses.copy()
             for i, A, b, C in blocks:
-                poses[i, :6] += np.linalg.solve(A, b - C @ d)
+                poses[i, :N_POSE] += np.linalg.solve(A, b - C @ d)
             theta = theta + d
             if scale <= 1.0 and abs(best - loss) < 1e-4 * max(loss, 1):
                 break
@@ -278,7 +279,7 @@ class Solver:
             if max(seen, default=0.0) < NEAR_PX:
                 break
             poses = better
-        if len(self.prior) > len(POSE_STEP):
+        if len(self.prior) > N_POSE:
             better = self.fit_light(effects, better, indices)
             return better, self.residuals_of(effects, better, indices)
         out = {}
@@ -295,10 +296,9 @@ class Solver:
             groups = self.residuals_of(effects, poses, indices)
             nu = NU * width_of(groups) ** 2
             for i in indices:
-                y, J = flatten(groups[i]), self.derivatives_of.by_light(i)
-                k = J.shape[1]
-                weighted = J / (1 + y * y / nu)[:, None]
-                poses[i, -k:] += np.linalg.solve(weighted.T @ J + 1e-9 * np.eye(k), weighted.T @ y)
+                J = self.derivatives_of.by_light(i)
+                _, _, (A, b, _) = without_pose(flatten(groups[i]), J[:, :0], J, nu)
+                poses[i, N_POSE:] += np.linalg.solve(A, b)
         return poses
 
     def _corner_shift(self, i, effects, start, end):

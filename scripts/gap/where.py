@@ -65,7 +65,7 @@ def plate_gaps(case, effects, poses, predictions):
             }
         )
         if case.codes:
-            ground_dn = np.interp(case.codes.levels[2], np.linspace(0, 1, len(case.codes.lut)), case.codes.lut)
+            ground_dn = case.codes.nominal_dn[2]
             table["level_dn"] = ground_dn + prediction.features[k, GROUND]
             table["d_scale"] = (shift * spokes).sum((1, 2)) / (spokes**2).sum((1, 2))
         colour = (o.colour[k] - prediction.colour[k]).T

@@ -44,6 +44,9 @@ def station_pose(height_m, tilt_deg):
     return T
 
 
+N_POSE = 6  # numbers that move a pose: of a capture's nuisances the first, its light follows
+
+
 def perturb_pose(T_cam_world, delta):
     """Return the pose moved by ``delta`` = (wx, wy, wz in radians, x, y, z in metres) in the camera's frame.
 

@@ -80,9 +80,14 @@ class Codes:
     worst_misfit: float = WORST_MISFIT
 
     @property
+    def nominal_dn(self):
+        """The grey levels (3,) of nominal white, black and ground."""
+        return np.interp(self.levels, np.linspace(0, 1, len(self.lut)), self.lut)
+
+    @property
     def contrast_dn(self):
         """Grey levels from nominal black to nominal white."""
-        white, black = np.interp(self.levels[:2], np.linspace(0, 1, len(self.lut)), self.lut)
+        white, black, _ = self.nominal_dn
         return white - black
 
     @classmethod

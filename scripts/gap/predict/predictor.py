@@ -31,9 +31,9 @@ from gap.measure.response import respond
 from gap.predict.synthesis import shade, window_coverages, window_ground_points
 from gap.predict.windows import make_atlas
 from job import seed_of
+from rig.geometry import N_POSE
 
 KEPT = 4000  # predictions, some 20 kB each
-N_POSE = 6  # numbers of a capture's nuisances that are its pose; its light follows
 SCENES_KEPT = 12  # windows with all steps of their image formation, 10 to 200 MB each
 FARTHEST_OFF_PX = 400.0  # beyond the frame: what lies farther off is not looked at
 CLEAR_PX = 14  # of ground that is taken for ground, about a plate
@@ -137,7 +137,7 @@ class Shown:
         cores = np.concatenate([cores, self.observation.regions[self.regions]])
         reach = pipeline.reach_px(pipeline.left_to_apply(effects))
         self.atlas = make_atlas(cores, reach, (capture.view.width, capture.view.height))
-        self.light = pose[N_POSE:]
+        self.light = pose[N_POSE:]  # none where it is declared
         self.unlit = self._unlit(effects)
         self.radiance = self._lit(self.unlit, self.light)
         self.expected = self._form(self.radiance, effects, None)
@@ -192,7 +192,7 @@ class Shown:
 
     def _lit(self, radiance, light):
         """Return the radiance (rows, columns, C) under the capture's own light (k,), of none where k is 0."""
-        return self.problem.lit(radiance, light, *self._ground).astype(np.float32) if len(light) else radiance
+        return self.problem.lit(radiance, light, *self._ground) if len(light) else radiance
 
     @cached_property
     def _ground(self):
