@@ -397,6 +397,8 @@ DIVIDED = [
 UNDIVIDED = [c for c in CAMERAS if c not in DIVIDED]
 # Whether a board's cells are looked at besides its points.
 CELLS = BOARD and config["diagnose"]["cells"]
+# Whether the twin of each photograph is in the photograph's own light, which nobody declared.
+OWN_LIGHT = BOARD and bool(SOURCE.file.left_open)
 BASELINE = config["baseline"]
 EARLIER = load_campaign(BASELINE) if BASELINE else None
 BEFORE = f"results/{EARLIER.file.name}" if BASELINE else None

@@ -1,7 +1,37 @@
 """Expose: linear renders to the twin's images, through exposure, the camera's effects, noise and encoding.
 
-Needs: render/CAMERA.json, register/CAMERA.json, the twin's file where there is one. Makes: twin/CAMERA/CAPTURE.png.
+Needs: render/CAMERA.json, register/CAMERA.json, the twin's file where there is one; of photographs of a board whose light nobody
+declared, diagnosis/CAMERA/observations.npz. Makes: twin/CAMERA/CAPTURE.png; light/CAMERA.csv.
 """
+
+if OWN_LIGHT:
+
+    rule light_captures:
+        input:
+            scene=f"{RESULTS}/expand/{{camera}}/scene.json",
+            tables=f"{RESULTS}/expand/{{camera}}/captures.csv",
+            images=captures_of,
+            observations=f"{RESULTS}/diagnosis/{{camera}}/observations.npz",
+            code=imports_of("light_captures.py"),
+        output:
+            f"{RESULTS}/light/{{camera}}.csv",
+        log:
+            f"{RESULTS}/logs/light_captures/{{camera}}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/light_captures/{{camera}}.tsv"
+        conda:
+            "../envs/twingap.yaml"
+        resources:
+            mem_mb=mem_mb_of("light_captures"),
+            runtime=runtime_of("light_captures"),
+        params:
+            facts=camera_facts,
+            campaign=CAMPAIGN,
+            pins=locked("numpy", "scipy", "opencv-contrib-python-headless"),
+        message:
+            "Finding the light of the captures of {wildcards.camera}"
+        script:
+            "../scripts/light_captures.py"
 
 
 rule expose_twin:
@@ -13,6 +43,7 @@ rule expose_twin:
         ),
         register=f"{RESULTS}/register/{{camera}}.json",
         manifest=f"{RESULTS}/render/{{camera}}.json",
+        light=f"{RESULTS}/light/{{camera}}.csv" if OWN_LIGHT else [],
         code=imports_of("expose_twin.py"),
         effect_code=effect_code,
     output:

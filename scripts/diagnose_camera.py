@@ -26,6 +26,7 @@ from effects import library
 from effects.contract import available_effects
 from gap import ladder
 from gap.board import scales_alone, seen_by_points
+from gap.needs import cannot_tell
 from gap.next_station import suggested_station
 from gap.residuals import flatten
 from gap.score import gap_error, group_gaps, overall_gap
@@ -41,6 +42,7 @@ log = logging.getLogger("twingap")
 MAX_PLACES, MAX_LEFT = 8, 5
 IN_THE_TWIN = "in the twin already"
 ONLY_POINTS = "a board's own size and mount, and light that is not declared, cannot be told from its photographs"
+OF_BOARDS = "only photographs of a calibration board leave it open: a rig's numbers are declared"
 WITH_ALL = "intrinsics are unknown: fitted with everything"
 
 
@@ -165,6 +167,7 @@ def diagnose_camera(
     rows = ladder.rungs(search.solver, rungs, search.test, images, twin.floors)
     if not case.draws:
         result["floor"] = {"corners_px": case.noise_px} | twin.floors
+        result |= telling_record(result["steps"], *cannot_tell(search, twin, competing))
     if patches:
         facts = camera, sorted(fixed), twin.effects, twin.poses.tobytes()
         store = stored_outcomes(
@@ -192,6 +195,12 @@ def diagnose_camera(
         write_example(search.solver, worst, images[worst], (base, twin), out_gaps)
     told = camera, result["verdict"], result["gap_as_configured"], result["gap"]
     log.info("%s: %s; gap %.2f -> %.2f floors", *told)
+
+
+def telling_record(steps, hidden, alike, needs):
+    """Return what the result file says of what photographs cannot tell (gap.needs.cannot_tell), ``steps`` among it."""
+    steps = [s | ({"one_of": [s["effect"], *alike[s["effect"]]]} if s["effect"] in alike else {}) for s in steps]
+    return {"steps": steps, "not_told": hidden, "needs": needs}
 
 
 def with_cells(result, rows, base, outcome, rungs, not_looked_at, look):
@@ -234,8 +243,9 @@ def stored_outcomes(folder, files, expand, facts):
 
 def looked_at(case, candidates):
     """Return (names of the candidates that can compete, {name: why it does not} of the others)."""
-    if case.draws:
-        return candidates, {}
+    if not case.is_board:
+        why = {n: OF_BOARDS for n in candidates if library.is_of_boards(n)}
+        return [n for n in candidates if n not in why], why
     seen = seen_by_points(candidates)
     fitted = {n for n in seen if case.nuisances and scales_alone(n)}
     why = {n: WITH_ALL if n in fitted else ONLY_POINTS for n in candidates if n not in seen or n in fitted}

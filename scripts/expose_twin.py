@@ -1,6 +1,7 @@
 """Expose: from linear renders to the twin's 8-bit images, one a capture, through the camera's effects.
 
-Trials of a station share its render; each has noise of its own, seeded by campaign, camera and capture.
+Trials of a station share its render; each has noise of its own, seeded by campaign, camera and capture. The twin of a photograph
+of a board has the photograph's own light, where nobody declared it.
 """
 
 import json
@@ -17,7 +18,9 @@ from effects import pipeline
 from effects.base import View
 from inputs import tables
 from inputs.render_store import read_station
+from inputs.scene import load_scene
 from rig.geometry import camera_matrix, make_pose
+from rig.light import LIGHT, BoardPlace, lit
 from whole_folder import whole_folder
 
 log = logging.getLogger("twingap")
@@ -42,21 +45,46 @@ def views_of(expand, register_json, camera, poses):
         )  # fmt: skip
 
 
-def expose_twin(expand, register_json, manifest, camera, effects, seed, out):
+def in_own_light(radiance, light, view, place):
+    """Return the radiance (H + 2m, W + 2m, 3) of a render (H + 2m, W + 2m) in a capture's LIGHT (11,).
+
+    ``place`` is the BoardPlace of the board, whose plane is z = 0.
+    """
+    rows, columns = np.indices(radiance.shape[:2], np.float32) - np.float32(view.margin)
+    H = np.linalg.inv(view.K @ view.T_cam_world[:3, [0, 1, 3]]).astype(np.float32)
+    u, v, w = (H[k, 0] * columns + H[k, 1] * rows + H[k, 2] for k in range(3))
+    w = np.where(np.abs(w) > 1e-6, w, np.float32(1e-6))  # the board's horizon: nothing of it is there
+    return lit(radiance[..., None], light, *place(u / w, v / w))
+
+
+def lights_of(table):
+    """Return {capture: LIGHT (11,)} of a table of them, without those of which too little was seen; none where it is None."""
+    if not table:
+        return {}
+    known = tables.read_table(table, tables.LIGHTS).dropna().set_index("capture")
+    return {capture: row.to_numpy(float) for capture, row in known[list(LIGHT)].iterrows()}
+
+
+def expose_twin(expand, register_json, manifest, light, camera, effects, seed, out):
     """Write the twin image of every capture of a camera as PNG to the folder ``out``.
 
-    manifest of the render stage; effects [[name, parameters], ...], scene effects are in the render already.
+    manifest of the render stage; light the table of the captures' own lights, None where it is declared; effects [[name,
+    parameters], ...], scene effects are in the render already.
     """
     expand, out = Path(expand), Path(out)
     record = json.loads(Path(manifest).read_text())
     facts = json.loads((expand / "scene.json").read_text())
     poses = {s: make_pose(e["pose"][:3], e["pose"][3:]) for s, e in record["stations"].items()}
     chosen = [(n, p) for n, p in effects]
+    lights = lights_of(light)
+    place = BoardPlace(load_scene(expand).plates[0]) if lights else None
     with whole_folder(out) as folder:
         views = list(views_of(expand, register_json, camera, poses))
         for capture, view in tqdm(views, desc=f"exposing {camera}", unit="image", mininterval=5):
             radiance, margin = read_station(Path(manifest).parent, record["stations"][view.station])
             view = replace(view, margin=margin)
+            if capture in lights:
+                radiance = in_own_light(radiance, lights[capture], view, place)
             rng = np.random.default_rng(job.seed_of(seed, facts["name"], camera, capture, "expose"))
             image = pipeline.to_uint8(pipeline.form_image(radiance, view, chosen, rng))
             pixels = image[..., 0] if image.shape[2] == 1 else image[..., ::-1]
@@ -73,6 +101,7 @@ if __name__ == "__main__":
         expand=Path(snakemake.input.scene).parent,
         register_json=snakemake.input.register,
         manifest=snakemake.input.manifest,
+        light=snakemake.input.get("light") or None,
         camera=snakemake.wildcards.camera,
         effects=snakemake.params.effects,
         seed=snakemake.params.seed,

@@ -25,7 +25,7 @@ HOOKS = {  # functions that an effect may have, with their parameters
     "starts_from": ("image",),
 }
 NEEDED = ("STAGE", "ORDER", "AFFECTS", "PARAMETERS")
-OPTIONAL = ("STARTS", "CHROMATIC", "MAKES_COLOUR", "MIXES_CHANNELS", "NEEDS_REPEATS")
+OPTIONAL = ("STARTS", "CHROMATIC", "MAKES_COLOUR", "MIXES_CHANNELS", "NEEDS_REPEATS", "ONLY_BOARDS")
 ALIKE = 0.82  # difflib's ratio from which a name is taken for a misspelt one; spread_px and spread have 0.80
 
 

@@ -82,6 +82,11 @@ def needs_repeats(name):
     return getattr(effect_named(name), "NEEDS_REPEATS", False)
 
 
+def is_of_boards(name):
+    """Return whether an effect competes for photographs of a calibration board alone: a rig's numbers exclude it."""
+    return getattr(effect_named(name), "ONLY_BOARDS", False)
+
+
 def moves_points(name):
     """Return whether an effect moves image points."""
     return hasattr(effect_named(name), "map_points")

@@ -36,6 +36,7 @@ class BoardCase(Case):
     points: np.ndarray = None
     nuisances: tuple = ()
     noise_px: float = None  # standard deviation of a point's x and y: the floor
+    is_board = True
     corner_numbers = 2
     state_features = np.arange(2)
     most_captures = 1000  # points cost next to nothing
@@ -44,7 +45,8 @@ class BoardCase(Case):
 
     def scene_of(self, effects):
         """Return (scene, None, points (p, 1, 3)) of the twin with these effects."""
-        return pipeline.scene_with_effects(self.scene, effects), None, self.points[:, None]
+        scene = pipeline.scene_with_effects(self.scene, effects)
+        return scene, None, on_board(scene, self.scene, self.points)[:, None]
 
     def states(self, corners, effects):
         """Return the states (p, 2) of points (p, 1, 2): their pixels."""
@@ -146,13 +148,24 @@ def polynomial_terms(xy, order):
     return np.stack([x**i * y**j for i in range(order + 1) for j in range(order + 1 - i)], axis=1)
 
 
+def on_board(scene, nominal, points):
+    """Return where a scene's board has the nominal points (..., 3) of its print, metres: its lines moved, its paper bent."""
+    if scene is nominal:
+        return points
+    (plate,), (before,) = scene.plates, nominal.plates
+    lines = (before.x_m, plate.x_m), (before.y_m, plate.y_m)
+    return plate.to_world(np.stack([np.interp(points[..., k], *lines[k]) for k in (0, 1)], axis=-1))
+
+
 def seen_by_points(names):
-    """Return those of some effects that points can show: maps of points alone."""
-    return [n for n in names if library.is_pure_geometry(n) and library.moves_points(n)]
+    """Return those of some effects that points can show: maps of image points, and what changes a board's shape."""
+    return [n for n in names if library.is_pure_geometry(n) and (library.moves_points(n) or library.is_of_boards(n))]
 
 
 def scales_alone(name):
     """Return whether all that an effect does is to scale the image about the principal point: another focal length."""
+    if not library.moves_points(name):
+        return False
     xy = np.stack(np.meshgrid([20.0, 150.0, 500.0], [30.0, 300.0, 460.0]), axis=-1).reshape(-1, 2)
     away = xy - SOME_VIEW.K[:2, 2]
     for key, p in library.parameters_of(name).items():

@@ -168,7 +168,9 @@ def used(problem, belongs):
 
 def able_to_change(problem, candidates):
     """Return those of some effects whose change a problem's captures can show."""
-    return list(candidates) if problem.draws else seen_by_points(candidates)
+    if problem.is_board:
+        return seen_by_points(candidates)
+    return [n for n in candidates if not library.is_of_boards(n)]
 
 
 def common_twin(fit, problem, effects, names):

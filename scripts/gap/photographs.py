@@ -1,18 +1,16 @@
 """One camera's photographs of a board as a problem: patches of known cells are measured, each capture's light is its own.
 
-What nobody knows of a photograph (exposure, white balance, lamps, stray light) is a nuisance of the capture, as its pose is:
-a white cell at the board's place (X, Y) radiates white * exp(g + a . (X, Y) + b . (X^2, XY, Y^2)) in green, another multiple in
-red and blue, and the same is added to all cells. First order is free, second order has a prior: free, it would hide a lens's
-fall-off in a frontal board.
+What nobody knows of a photograph (exposure, white balance, lamps, stray light; rig.light) is a nuisance of the capture, as
+its pose is. First order is free, second order has a prior: free, it would hide a lens's fall-off in a frontal board.
 """
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from effects import library, pipeline
-from gap.board import polynomial_terms
+from gap.board import on_board, polynomial_terms
+from gap.capture_light import SIGMA_LIGHT, board_map, first_light
 from gap.measure.capture import COARSE_TO_FINE, N_GROUND, Codes, observe
 from gap.measure.places import SMALLEST_SIDE_PX, code_sides_px, wholly_inside
 from gap.measure.plate import FEATURES
@@ -20,11 +18,8 @@ from gap.problem import Case, encoding_table
 from gap.residuals import LOST_PLATE, RHO_NOISE, rho
 from gap.score import MIN_FLOOR
 from rig.geometry import N_POSE
+from rig.light import LIGHT, BoardPlace, lit
 
-LIGHT = ("gain", "along_x", "along_y", "xx", "xy", "yy", "red", "blue", "stray", "stray_red", "stray_blue")
-UNCURVED = 0.05  # prior of the second order: a lamp's light over a board, in logarithms
-SIGMA_LIGHT = np.array([10.0] * 3 + [UNCURVED] * 3 + [10.0] * 2 + [1.0] * 3)
-FEWEST_POINTS, FEWEST_OF_ORDER = 6, {1: 0, 2: 12, 3: 24}  # of a board, that say where its patches are, by a polynomial
 WORST_MISFIT = 0.35  # of the contrast, that a fit of a patch may leave: hands shake, paper bends
 SMOOTH = ("corners", "levels", "edges", "colour")  # groups whose floor is their roughness
 SEEN_FROM_ANYWHERE = ("levels", "edges", "colour")  # a print's faults there are the same in all captures
@@ -33,25 +28,24 @@ MAX_PATCHES = 12  # of a photograph, that are looked at: more cost time and tell
 MIN_SHARE_TOLD = 0.15  # of what captures tell of an effect, that their own poses and light must leave
 LIKE_LIGHT = "each photograph's own light, exposure and white balance would show the same"
 ONLY_REPEATS = "only repeats of a station would tell it from noise"
-DARKEST = 1e-3  # of white, in a first guess of the light
 
 
 @dataclass
 class PhotographsCase(Case):
     """Photographs of a board whose cells are measured patch by patch; rig.patches.Patch in ``patches``."""
 
+    is_board = True
     patches: list = None
     given: tuple = ()  # effects [(name, parameters)] that tell where points are: found before
 
     def __post_init__(self):
         self.corners = np.array([patch.corners for patch in self.patches])
-        outline = self.scene.plates[0].outline_world()[:, :2]
-        self.middle, self.half_size = outline.mean(0), np.ptp(outline, axis=0).max() / 2
+        self.place = BoardPlace(self.scene.plates[0])
 
     def scene_of(self, effects):
         """Return (scene, prints, corners of the patches' codes (p, 4, 3)) of the twin with these effects."""
         scene = pipeline.scene_with_effects(self.scene, effects)
-        return scene, self._prints_of(scene), self.corners
+        return scene, self._prints_of(scene), on_board(scene, self.scene, self.corners)
 
     def rims_of(self, effects):
         """Return how far patches reach beyond the nominal ones (p,): paper has no end."""
@@ -64,15 +58,7 @@ class PhotographsCase(Case):
 
     def lit(self, radiance, light, x, y):
         """Return the radiance (rows, columns, 3) under a capture's light, LIGHT (11,), at world x and y (rows, columns)."""
-        x, y = (
-            np.clip((v - m) / self.half_size, -2, 2).astype(np.float32)
-            for v, m in zip((x, y), self.middle, strict=True)
-        )
-        g, ax, ay, bxx, bxy, byy, red, blue, *stray = np.asarray(light, np.float32)
-        factor = np.exp(g + x * (ax + bxx * x + bxy * y) + y * (ay + byy * y))
-        colour, added = np.exp([red, 0, blue]), stray[0] + np.array([stray[1], 0, stray[2]])
-        planes = [radiance[..., min(k, radiance.shape[2] - 1)] * (factor * colour[k]) + added[k] for k in range(3)]
-        return np.stack(planes, axis=-1).astype(np.float32)
+        return lit(radiance, light, *self.place(x, y))
 
     def start_pose(self, i):
         """Return (17,): the pose of view i, and the light that its patches' white and black show of themselves."""
@@ -80,23 +66,16 @@ class PhotographsCase(Case):
 
     def _first_light(self, observation):
         """Return LIGHT (11,) of an observation by the medians of its white and black."""
-        light = np.zeros(len(LIGHT))
         seen = observation.measured
         if not seen.any():
-            return light
+            return np.zeros(len(LIGHT))
         white, black = (np.median(observation.features[seen, FEATURES.index(n)]) for n in ("white", "black"))
         of_colour = np.median(observation.colour[seen], axis=0)
         levels = self.codes.nominal_dn[:2] + [white, black]
         shown = np.array([levels + of_colour[:2], levels, levels + of_colour[5:7]])  # red, green, blue x white, black
         shown[1] = 3 * levels - shown[0] - shown[2]  # the mean is what is measured
         radiance = np.interp(shown, self.codes.lut, np.linspace(0, 1, len(self.codes.lut)))
-        w, k = self.codes.levels[:2]
-        gain = np.maximum(radiance[:, 0] - radiance[:, 1], DARKEST) / (w - k)
-        stray = radiance[:, 1] - gain * k
-        light[0] = np.log(gain[1])
-        light[6:8] = np.log(gain[[0, 2]] / gain[1])
-        light[8:] = stray[1], stray[0] - stray[1], stray[2] - stray[1]
-        return light
+        return first_light(radiance, *self.codes.levels[:2])
 
     def floors_of(self, groups):
         """Return {group: floor} of captures' residual groups: how far patches lie apart from their neighbours."""
@@ -171,24 +150,15 @@ def roughness(places, seen, with_cells):
 def expected_corners(points, pixels, patches):
     """Return where patches' codes (p, 4, 2) lie in a photograph by a board's points (n, 3) and pixels (n, 2), NaN if not seen.
 
-    A polynomial about a homography follows a lens; beyond the outermost points by no more than a patch.
+    Beyond the outermost points by no more than a patch.
     """
-    seen = np.isfinite(pixels).all(1)
-    corners = np.array([patch.corners for patch in patches])
-    if seen.sum() < FEWEST_POINTS:
+    corners, found = np.array([patch.corners for patch in patches]), board_map(points, pixels)
+    if found is None:
         return np.full((len(patches), 4, 2), np.nan)
-    order = max(k for k, least in FEWEST_OF_ORDER.items() if seen.sum() >= least)
-    H, _ = cv2.findHomography(points[seen, :2], pixels[seen])
-    if H is None:
-        return np.full((len(patches), 4, 2), np.nan)
-    mapped = cv2.perspectiveTransform(points[None, seen, :2], H)[0]
-    wanted = cv2.perspectiveTransform(corners.reshape(1, -1, 3)[..., :2].copy(), H)[0]
-    middle, size = mapped.mean(0), max(mapped.std(), 1e-9)
-    fit = np.linalg.lstsq(polynomial_terms((mapped - middle) / size, order), pixels[seen] - mapped, rcond=None)[0]
-    out = (wanted + polynomial_terms((wanted - middle) / size, order) @ fit).reshape(corners.shape[0], 4, 2)
+    to_pixels, low, high = found
+    out = to_pixels(corners.reshape(-1, 3)[:, :2]).reshape(corners.shape[0], 4, 2)
     side = max(2 * patch.half_patch for patch in patches)
-    low, high = points[seen, :2].min(0) - side, points[seen, :2].max(0) + side
-    near = ((corners[..., :2] >= low) & (corners[..., :2] <= high)).all((1, 2))
+    near = ((corners[..., :2] >= low - side) & (corners[..., :2] <= high + side)).all((1, 2))
     return np.where(near[:, None, None], out, np.nan)
 
 

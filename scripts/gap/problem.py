@@ -80,6 +80,7 @@ class Case:
     nuisances = ()  # effects [(name, parameters)] that every twin has: fitted, never named nor taken out
     most_captures = MOST_CAPTURES  # that are fitted, and as many that are held out
     draws = True  # images of its captures, which is what takes time
+    is_board = False  # photographs of a calibration board, not of a rig
     floor_within = 1.0  # factor to which the floor is known
     _scenes: dict = field(default_factory=dict)
     _prints: list = field(default_factory=list)

@@ -47,7 +47,8 @@ class Search:
         train, test = split or split_by_station(problem)
         self.train, self.test = (thinned(usable(half, problem), problem.most_captures) for half in (train, test))
         self.solver = Solver(problem, probes(self.train) + probes(self.test), threads)
-        self.candidates = list(candidates or library.available_effects())
+        names = candidates or library.available_effects()
+        self.candidates = [n for n in names if problem.is_board or not library.is_of_boards(n)]
         self.fixed = frozenset(fixed)
         self._of_starts = {}
         self._prepared = None, None, None

@@ -123,7 +123,8 @@ def concluded(selection, base, first):
     if selection.search.problem.floor_within > 1 and is_at_floor(base):  # as good as no repeats can tell
         return outcome_of(selection.search.problem, (), rank(first), base, before)
     rigid = [c for c in first if not is_flexible(c.effect)]
-    ways = [c for c in rank(rigid) if is_missing(c, before)][:FIRST_STEPS]
+    share = least_share(selection.search.problem, base)
+    ways = [c for c in rank(rigid) if is_missing(c, before, share)][:FIRST_STEPS]
     best = path(selection, base, rigid, before)
     on_another_way = best.share_left < CLOSED or (ways and _is_open(best.twin, ways[0].main_group, before))
     for way in ways[1:] if on_another_way else []:
@@ -158,7 +159,7 @@ def path(selection, base, first, before, start_with=None, taken=()):
     search, twin, gains = selection.search, base, selection.gains
     steps, candidates, names = list(taken), rank(first), [c.effect for c in first]
     while not selection.is_spent():
-        missing = [c for c in candidates if is_missing(c, twin.excess)]
+        missing = [c for c in candidates if is_missing(c, twin.excess, least_share(search.problem, twin))]
         if not missing:
             break
         best = next((c for c in missing if c.effect == start_with and not steps), missing[0])
@@ -318,11 +319,17 @@ def can_be_missing(name, predicted, excess):
     return sum(predicted.values()) >= MIN_GAIN and is_enough(amply, sum(amply.values()), least_gain(name), excess)
 
 
-def is_missing(candidate, excess):
+def least_share(problem, twin):
+    """Return the share of what is left above the floor that a candidate must gain: more where all of it may be the floor."""
+    may_be_floor = problem.floor_within > 1 and twin.gap <= MAX_FLOOR_GAP * problem.floor_within
+    return HARDLY_CLOSED if may_be_floor else MIN_SHARE
+
+
+def is_missing(candidate, excess, share=MIN_SHARE):
     """Return whether a candidate's held-out gain is more than chance, on most stations, matters, and closes enough."""
     least = least_gain(candidate.effect)
     return bool(
-        is_enough(candidate.group_gains, candidate.gain, least, excess)
+        is_enough(candidate.group_gains, candidate.gain, least, excess, share)
         and candidate.is_significant
         and candidate.gain > least
         and candidate.stations_gaining >= MIN_STATIONS
@@ -334,12 +341,12 @@ def least_gain(name):
     return MIN_GAIN + 2 * len(library.parameters_of(name))
 
 
-def is_enough(by_group, gain, least, excess):
-    """Return whether a gain, ``by_group`` of observables, is a good share of all that is left (``excess``) or most of a group's.
+def is_enough(by_group, gain, least, excess, share=MIN_SHARE):
+    """Return whether a gain, ``by_group`` of observables, is a ``share`` of all that is left (``excess``) or most of a group's.
 
     The latter only if it is ``least`` or more.
     """
-    if gain > MIN_SHARE * sum(excess.values()):
+    if gain > share * sum(excess.values()):
         return True
     return any(g > max(least, MIN_SHARE_OF_GROUP * excess.get(name, 0.0)) for name, g in by_group.items())
 

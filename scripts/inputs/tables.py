@@ -5,6 +5,7 @@ import pandera.pandas as pa
 
 from job import write_atomically
 from rig.errors import InputError
+from rig.light import LIGHT
 
 TEXT, REAL, WHOLE = str, float, int
 
@@ -53,6 +54,9 @@ REGISTERED = pa.DataFrameSchema(
     | _columns(REAL, ["rms_px", *POSE, *SE], nullable=True),
     strict=True,
     unique=["capture"],
+)
+LIGHTS = pa.DataFrameSchema(
+    _columns(TEXT, ["capture"]) | _columns(REAL, LIGHT, nullable=True), strict=True, unique=["capture"]
 )
 FILES = pa.DataFrameSchema(
     _columns(TEXT, ["capture"])

@@ -42,6 +42,9 @@ def assumed(scene):
     left_open = scene.get("left_open", [])
     if not left_open:
         return []
+    words = f"Not declared: {listed(plain(key) for key in left_open)}. They may differ from photograph to photograph; "
+    if scene.get("target"):
+        return [f"{words}each one's twin takes them as the board's own white and black show them."]
     values = {
         "light": "the light for even",
         "exposure": f"the exposure for {scene.get('exposure')}",
@@ -49,10 +52,7 @@ def assumed(scene):
         "reflectance": "reflectances for "
         + ", ".join(f"{name} {value:g}" for name, value in scene.get("reflectance", {}).items()),
     }
-    return [
-        f"Not declared: {listed(plain(key) for key in left_open)}. They may differ from photograph to photograph; the twin "
-        f"takes {listed(values[key] for key in left_open)}."
-    ]
+    return [f"{words}the twin takes {listed(values[key] for key in left_open)}."]
 
 
 def plain(name):
@@ -82,7 +82,7 @@ def verdict_words(diagnosis):
     if diagnosis.get("baseline"):
         return changes_words(diagnosis)
     steps = diagnosis.get("steps", [])
-    effects = listed(effect_words(step) for step in steps)
+    effects = listed(effect_words(step) + or_others(step) for step in steps)
     if diagnosis["verdict"] == "adequate":
         words = "nothing is missing; the twin explains the images down to the floor."
     elif diagnosis["verdict"] == "explained":
@@ -96,13 +96,28 @@ def verdict_words(diagnosis):
     if diagnosis["verdict"] != "adequate" and diagnosis.get("where"):
         most = diagnosis["where"][0]
         words += f" It shows most in {plain(gap_along(most))}, which predicts {100 * most['share']:.0f} % of it."
-    confused = sorted({plain(name) for step in steps for name in step.get("confused_with", [])})
+    confused = sorted({plain(name) for step in steps for name in step.get("confused_with", []) if "one_of" not in step})
     if confused:
         words += f" These captures cannot tell it apart from {listed(confused)}."
         station = diagnosis.get("suggested_station")
         if station and station.get("height_m") is not None:
             words += f" A station at {station['height_m']:g} m height and {station['tilt_deg']:g}° tilt could."
-    return words + not_looked_at_words(diagnosis)
+    return words + needs_words(diagnosis) + not_looked_at_words(diagnosis)
+
+
+def or_others(step):
+    """Return what else a step may be, in words; nothing where its captures tell."""
+    others = [plain(name) for name in step.get("one_of", []) if name != step["effect"]]
+    return f" (or {listed(others)}: these captures cannot tell)" if others else ""
+
+
+def needs_words(diagnosis):
+    """Return what further photographs would tell, a sentence an instruction."""
+    by_instruction = {}
+    for need in diagnosis.get("needs", []):
+        what, _, instruction = need["text"].partition(": ")
+        by_instruction.setdefault(instruction, []).append(what.removeprefix("to tell "))
+    return "".join(f" To tell {listed(what)}: {instruction}." for instruction, what in by_instruction.items())
 
 
 def changes_words(diagnosis):
@@ -120,8 +135,7 @@ def changes_words(diagnosis):
 
 def change_words(step):
     """Return a change in words, such as ``focal length has changed: ratio from 1.001 to 1.020 ± 0.002``."""
-    others = [plain(name) for name in step.get("one_of", []) if name != step["effect"]]
-    name = plain(step["effect"]) + (f" (or {listed(others)}: these captures cannot tell)" if others else "")
+    name = plain(step["effect"]) + or_others(step)
     parameters = step["parameters"]
     if len(parameters) > MOST_TOLD:
         return f"{name} has changed ({len(parameters)} parameters)"

@@ -3,7 +3,7 @@
 A marker is a plate; a whole calibration board is one plate as well.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -15,12 +15,13 @@ BOARD_MARGIN_SQUARES = 0.5  # white paper round a board, in squares: boards do n
 
 @dataclass(frozen=True)
 class Plate:
-    """A flat print: a grid of rectangular cells, each black or white.
+    """A print: a grid of rectangular cells, each black or white.
 
     name          e.g. ``DICT_5X5_1000/3`` or ``board``
     T_world_plate 4 x 4 pose of the plate (x right, y up, z out of the paper), origin at its centre
     x_m, y_m      increasing cell boundaries in metres, shapes (nx+1,), (ny+1,)
     white         bool (ny, nx); row 0 is the *lowest* y
+    bend_m        how far paper that is not flat rises out of the plane, of ``height``
     """
 
     name: str
@@ -28,11 +29,26 @@ class Plate:
     x_m: np.ndarray
     y_m: np.ndarray
     white: np.ndarray
+    bend_m: tuple = (0.0, 0.0, 0.0)
 
     def grid_world(self):
         """Return the world positions of all grid points, shape (ny+1, nx+1, 3)."""
-        x, y = np.meshgrid(self.x_m, self.y_m)
-        return transform(self.T_world_plate, np.stack([x, y, np.zeros_like(x)], axis=-1))
+        return self.to_world(np.stack(np.meshgrid(self.x_m, self.y_m), axis=-1))
+
+    def to_world(self, xy):
+        """Return the world positions (..., 3) of printed points (..., 2), metres."""
+        return transform(self.T_world_plate, np.concatenate([xy, self.height(xy)[..., None]], axis=-1))
+
+    def height(self, xy):
+        """Return by how much printed points (..., 2) rise out of the plate's plane, metres, the same at all four corners but
+        for a twist: ``bend_m`` are a bow along x, one along y, and a twist.
+        """
+        along_x, along_y, twist = self.bend_m
+        u, v = (
+            (2 * xy[..., k] - lines[0] - lines[-1]) / (lines[-1] - lines[0])
+            for k, lines in enumerate((self.x_m, self.y_m))
+        )
+        return along_x * (1 - u * u) + along_y * (1 - v * v) + twist * u * v
 
     def outline_world(self):
         """Return the plate's four outer corners (4, 3): top left, top right, bottom right, bottom left."""
@@ -131,7 +147,7 @@ def spread_ink(plate, spread_m):
     near_x = _cells_near((x[1:] + x[:-1]) / 2, plate.x_m, d)
     near_y = _cells_near((y[1:] + y[:-1]) / 2, plate.y_m, d)
     grown = (near_y.astype(int) @ growing.astype(int) @ near_x.T.astype(int)) > 0
-    return Plate(plate.name, plate.T_world_plate, x, y, ~grown if spread_m > 0 else grown)
+    return replace(plate, x_m=x, y_m=y, white=~grown if spread_m > 0 else grown)
 
 
 def _cells_near(centres, lines, distance):

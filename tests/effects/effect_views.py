@@ -14,6 +14,7 @@ STRONG = {
     "radial_distortion": {"k1": -0.25, "k2": 0.1, "k3": 0.02},
     "tangential_distortion": {"p1": 0.01, "p2": -0.012},
     "focal_length": {"ratio": 1.05},
+    "pixel_aspect": {"ratio": 1.04},
     "principal_point": {"dx_px": 3.3, "dy_px": -2.7},
     "lateral_chromatic_aberration": {"red_ratio": 1.01, "blue_ratio": 0.992},
     "rolling_shutter": {"skew_x": 0.04, "skew_y": -0.03, "pan_x": 0.02, "slide_m": 0.01},

@@ -14,6 +14,7 @@ from inputs import tables
 from inputs.render_store import write_station
 from rig.errors import InputError
 from rig.geometry import split_pose
+from rig.light import LIGHT
 
 WIDTH, HEIGHT = 120, 80
 
@@ -39,9 +40,9 @@ def run(tmp_path):
     entry = {"file": "cam/s.npz", "key": "key", "pose": pose}
     (tmp_path / "render/cam.json").write_text(json.dumps({"stations": {"s": entry}}))
 
-    def expose(effects=(), seed="seed"):
+    def expose(effects=(), seed="seed", light=None):
         paths = (tmp_path / "expand", tmp_path / "register.json", tmp_path / "render/cam.json")
-        expose_twin(*paths, "cam", list(effects), seed, tmp_path / "twin/cam")
+        expose_twin(*paths, light, "cam", list(effects), seed, tmp_path / "twin/cam")
         assert [p.name for p in (tmp_path / "twin").iterdir()] == ["cam"]
         return {p.stem: p.read_bytes() for p in sorted((tmp_path / "twin/cam").iterdir())}
 
@@ -70,6 +71,24 @@ def test_effects_reach_the_file(run):
     blue, green, red = pixels(images["a0"]).reshape(-1, 3).mean(axis=0)
     assert red > green + 5
     assert blue == pytest.approx(green, abs=0.5)
+
+
+def test_a_photograph_of_a_board_has_its_own_light(run, tmp_path):
+    """Fails if the twin of a photograph by warm light from the right is grey and even, or one's light lies on another."""
+    scene = tmp_path / "expand/scene.json"
+    board = {"type": "chessboard", "columns": 8, "rows": 6, "square_m": 0.03}
+    reflectance = {"white": 0.8, "black": 0.05, "ground": 0.3, "background": 0.3}
+    scene.write_text(json.dumps(json.loads(scene.read_text()) | {"target": board, "reflectance": reflectance}))
+    lights = pd.DataFrame(np.nan, index=[0, 1], columns=list(tables.LIGHTS.columns)).assign(capture=["a0", "a1"])
+    light = dict.fromkeys(LIGHT, 0.0) | {"gain": -0.3, "along_x": 0.3, "red": 0.2, "blue": -0.2}
+    lights.loc[0, list(light)] = list(light.values())
+    tables.write_table(lights, tmp_path / "light.csv", tables.LIGHTS)
+    plain, images = run(), run(light=tmp_path / "light.csv")
+    assert images["a1"] == plain["a1"]  # too little was seen of it
+    blue, green, red = pixels(images["a0"])[HEIGHT // 2 :].reshape(-1, 3).mean(axis=0)
+    assert red > green + 5 > blue + 10
+    left, right = (pixels(images["a0"])[HEIGHT // 2 :, side, 1].mean() for side in (slice(0, 30), slice(-30, None)))
+    assert right > left + 10
 
 
 def test_a_lens_that_looks_too_far_leaves_nothing(run, tmp_path):

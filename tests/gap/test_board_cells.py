@@ -5,11 +5,12 @@ import pytest
 
 from effects import library, pipeline
 from effects.base import Scene, View
-from gap.photographs import LIGHT, LIKE_LIGHT, competing, expected_corners, photographs_case, roughness, spread_out
+from gap.photographs import LIKE_LIGHT, competing, expected_corners, photographs_case, roughness, spread_out
 from gap.problem import MARGIN_PX, Capture
 from gap.search import Search
 from inputs.campaign import Board
 from rig.geometry import camera_matrix, make_pose, project
+from rig.light import LIGHT
 from rig.patches import board_patches
 from rig.targets import target_plate
 

@@ -17,18 +17,9 @@ FARTHEST_GROUND_M = 1e3
 
 
 def rectangle_corners(rectangles):
-    """Return (n, 4, 3) corners in the plate's frame, clockwise when seen from the front."""
+    """Return (n, 4, 2) corners on the plate, clockwise when seen from the front."""
     x0, y0, x1, y1 = rectangles.T
-    z = np.zeros_like(x0)
-    return np.stack(
-        [
-            np.stack([x0, y1, z], -1),
-            np.stack([x1, y1, z], -1),
-            np.stack([x1, y0, z], -1),
-            np.stack([x0, y0, z], -1),
-        ],
-        axis=1,
-    )
+    return np.stack([np.stack(c, -1) for c in ((x0, y1), (x1, y1), (x1, y0), (x0, y0))], axis=1)
 
 
 class Prints:
@@ -38,7 +29,7 @@ class Prints:
         outlines, blacks = [], []
         for plate in plates:
             outlines.append(plate.outline_world())
-            blacks.append(transform(plate.T_world_plate, rectangle_corners(black_rectangles(plate))))
+            blacks.append(plate.to_world(rectangle_corners(black_rectangles(plate))))
         self.outlines = np.array(outlines, float).reshape(-1, 4, 3)
         self.blacks = np.concatenate(blacks) if blacks else np.zeros((0, 4, 3))
         self.plate_of_black = np.repeat(np.arange(len(blacks)), [len(b) for b in blacks])

@@ -1,0 +1,132 @@
+"""What a board's own white and black tell of the light of a photograph (rig.light), and where in it they are."""
+
+import cv2
+import numpy as np
+from scipy.optimize import least_squares
+
+from gap.board import polynomial_terms
+from rig.light import LIGHT, lit
+
+UNCURVED = 0.05  # prior of the second order: a lamp's light over a board, in logarithms
+SIGMA_LIGHT = np.array([10.0] * 3 + [UNCURVED] * 3 + [10.0] * 2 + [1.0] * 3)
+DARKEST = 1e-3  # of white, in a first guess
+FEWEST_POINTS, FEWEST_OF_ORDER = (
+    6,
+    {1: 0, 2: 12, 3: 24},
+)  # of a board, that say where the rest of it is, by a polynomial
+LATTICE = 90  # places along the board's longer side at which it is looked at
+CLEAR_PX = (
+    2.0,
+    1.0,
+)  # from the nearest edge of a cell: less is blurred; the second where cells are too small for the first
+FEWEST_PLACES = 12  # of white, and of black, that tell a light
+MOST_PLACES = 600  # of each, that are asked
+SCATTER = 0.02  # of radiance, beyond which a place counts less: dirt, fingers, reflections
+
+
+def first_light(shown, white, black):
+    """Return the LIGHT (11,) without slope in which radiances ``shown`` (3 colours, 2) are those of white and black."""
+    gain = np.maximum(shown[:, 0] - shown[:, 1], DARKEST) / (white - black)
+    stray = shown[:, 1] - gain * black
+    light = np.zeros(len(LIGHT))
+    light[0] = np.log(gain[1])
+    light[6:8] = np.log(gain[[0, 2]] / gain[1])
+    light[8:] = stray[1], stray[0] - stray[1], stray[2] - stray[1]
+    return light
+
+
+def light_of(shown, reflectance, X, Y, free):
+    """Return the LIGHT (11,) of radiances (n, 3) that places X, Y (n,) of known reflectance (n,) show.
+
+    It is 0 where not ``free`` (11,). Robust least squares with the priors of SIGMA_LIGHT.
+    Raises ValueError where white or black is seen at too few places.
+    """
+    white, black = reflectance.max(initial=0.0), reflectance.min(initial=1.0)
+    if min((reflectance == r).sum() for r in (white, black)) < FEWEST_PLACES or white == black:
+        raise ValueError("too little white or black of the board is seen")
+    medians = np.stack([np.median(shown[reflectance == r], axis=0) for r in (white, black)], axis=1)
+    kept = np.concatenate([_thinned(np.flatnonzero(reflectance == r)) for r in (white, black)])
+    shown, reflectance, X, Y = shown[kept], reflectance[kept], X[kept], Y[kept]
+    light = np.where(free, first_light(medians, white, black), 0.0)
+
+    def residuals(values):
+        light[free] = values
+        off = lit(reflectance[None, :, None], light, X[None], Y[None])[0] - shown
+        return np.concatenate([off.ravel() / SCATTER, light[3:6] / SIGMA_LIGHT[3:6]])
+
+    fit = least_squares(residuals, light[free], loss="cauchy", x_scale=0.1, max_nfev=50)
+    light[free] = fit.x
+    return light
+
+
+def _thinned(indices):
+    """Return MOST_PLACES of some indices at most, evenly."""
+    return indices[np.linspace(0, len(indices) - 1, min(len(indices), MOST_PLACES)).round().astype(int)]
+
+
+def board_map(points, pixels):
+    """Return (function of a board's (n, 2) metres -> pixels (n, 2), low, high (2,) of where it holds); None where it is unknown.
+
+    From a board's points (p, 3) and pixels (p, 2), NaN where not seen: a polynomial about a homography follows a lens.
+    """
+    seen = np.isfinite(pixels).all(1)
+    if seen.sum() < FEWEST_POINTS:
+        return None
+    order = max(k for k, least in FEWEST_OF_ORDER.items() if seen.sum() >= least)
+    H, _ = cv2.findHomography(points[seen, :2], pixels[seen])
+    if H is None:
+        return None
+
+    def mapped(xy):
+        return cv2.perspectiveTransform(np.ascontiguousarray(xy[None], float), H)[0]
+
+    flat = mapped(points[seen, :2])
+    middle, size = flat.mean(0), max(flat.std(), 1e-9)
+    fit = np.linalg.lstsq(polynomial_terms((flat - middle) / size, order), pixels[seen] - flat, rcond=None)[0]
+
+    def to_pixels(xy):
+        there = mapped(xy)
+        return there + polynomial_terms((there - middle) / size, order) @ fit
+
+    return to_pixels, points[seen, :2].min(0), points[seen, :2].max(0)
+
+
+def seen_places(plate, points, pixels, image):
+    """Return (levels (n, 3), is white (n,), xy (n, 2) metres) of places well inside a board's cells that a photograph shows.
+
+    plate is the nominal board's, points (p, 3) and pixels (p, 2) of it as found, image (H, W, 3) grey levels. Empty where too
+    little of the board is seen.
+    """
+    found = board_map(points, pixels)
+    if found is None:
+        return np.zeros((0, 3)), np.zeros(0, bool), np.zeros((0, 2))
+    to_pixels, low, high = found
+    step = (high - low).max() / LATTICE
+    xy = np.stack(np.meshgrid(*(np.arange(a + step / 2, b, step) for a, b in zip(low, high, strict=True))), -1).reshape(
+        -1, 2
+    )
+    here = to_pixels(xy)
+    height, width = image.shape[:2]
+    ok = ((here >= 1) & (here <= [width - 2, height - 2])).all(1)
+    px_m = step / np.maximum(np.abs(to_pixels(xy + step) - here).min(1), 1e-6)  # metres a pixel
+    colour = _is_white(plate, xy)
+    for clear_px in CLEAR_PX:
+        inside = ok & _is_even(plate, xy, clear_px * px_m)
+        if min((colour[inside] == white).sum() for white in (True, False)) >= FEWEST_PLACES:
+            break
+    u, v = here[inside].round().astype(int).T
+    return image[v, u].reshape(-1, image.shape[2]), colour[inside], xy[inside]
+
+
+def _is_even(plate, xy, clear_m):
+    """Return whether a board has one colour (n,) within ``clear_m`` (n,) of its points (n, 2), metres."""
+    about = [clear_m[:, None] * [dx, dy] for dx in (-1, 0, 1) for dy in (-1, 0, 1)]
+    return np.all([_is_white(plate, xy + step) == _is_white(plate, xy) for step in about], axis=0)
+
+
+def _is_white(plate, xy):
+    """Return whether a board is white (n,) at its points (n, 2), metres; paper outside its grid is."""
+    cells = []
+    for values, lines in ((xy[:, 0], plate.x_m), (xy[:, 1], plate.y_m)):
+        cells.append(np.clip(np.searchsorted(lines, values) - 1, 0, len(lines) - 2))
+    return plate.white[cells[1], cells[0]]

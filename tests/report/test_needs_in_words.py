@@ -1,0 +1,19 @@
+"""What photographs cannot tell is said with what a photographer can do about it."""
+
+from reporting.sentences import verdict_words
+
+STEP = {
+    "effect": "pixel_aspect", "parameters": {"ratio": {"value": 1.006, "se": 0.001}}, "gap_before": 1.7, "gap_after": 0.95,
+    "confused_with": ["rolling_shutter", "print_stretch"], "one_of": ["pixel_aspect", "rolling_shutter"],
+}  # fmt: skip
+ROLL = "roll the camera by 90 degrees for some photographs"
+NEEDS = [{"effect": n, "text": f"to tell {n.replace('_', ' ')}: {ROLL}"} for n in ("print_stretch", "board_bend")]
+
+
+def test_names_that_cannot_be_told_apart_and_what_would_tell_them():
+    """Fails if a name is told as certain that is one of two, or each effect repeats what to do."""
+    said = verdict_words({"verdict": "explained", "steps": [STEP], "needs": NEEDS})
+    assert "pixel aspect (ratio 1.0060 ± 0.0010) (or rolling shutter: these captures cannot tell)" in said
+    assert f"To tell print stretch and board bend: {ROLL}." in said
+    assert "cannot tell it apart" not in said
+    assert said.count(ROLL) == 1
