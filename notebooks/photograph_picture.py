@@ -20,7 +20,7 @@ def draw(results, campaign, camera):
     shot = figures.read_capture(run, campaign, camera, capture)
     twin = figures.outlined(shot.twin, run, camera, capture, "twin", shot.K, shot.T_twin, detector)
     real = figures.outlined(shot.real, run, camera, capture, "real", shot.K, shot.T_real, detector)
-    figure, row = plt.subplots(1, 3, figsize=(11, 2.9), dpi=100)
+    figure, row = plt.subplots(1, 3, figsize=(11, 3.0), dpi=100, layout="constrained")
     shown = {
         "photograph: found markers blue": real,
         "ideal twin in its place": twin,

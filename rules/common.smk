@@ -245,8 +245,11 @@ def exposed_effects(wildcards):
 
 
 def effect_code(wildcards):
-    """Return the code of the effects that a camera's twin uses."""
-    return code_of_effects(name for name, _ in twin_effects(wildcards.camera))
+    """Return the code of the effects that a camera's twin uses, or that files of photographs may say."""
+    used = {name for name, _ in twin_effects(wildcards.camera)}
+    found = available_effects() if BOARD else {}
+    said = {name for name, module in found.items() if hasattr(module, "declared_by")}
+    return code_of_effects(sorted(used | said))
 
 
 def code_of_effects(names):

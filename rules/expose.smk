@@ -44,6 +44,7 @@ rule expose_twin:
         register=f"{RESULTS}/register/{{camera}}.json",
         manifest=f"{RESULTS}/render/{{camera}}.json",
         light=f"{RESULTS}/light/{{camera}}.csv" if OWN_LIGHT else [],
+        files=f"{RESULTS}/register/{{camera}}/files.csv" if BOARD else [],
         code=imports_of("expose_twin.py"),
         effect_code=effect_code,
     output:

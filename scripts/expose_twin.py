@@ -1,7 +1,7 @@
 """Expose: from linear renders to the twin's 8-bit images, one a capture, through the camera's effects.
 
 Trials of a station share its render; each has noise of its own, seeded by campaign, camera and capture. The twin of a photograph
-of a board has the photograph's own light, where nobody declared it.
+of a board has the photograph's own light, where nobody declared it, and what its file says was done to it, as a JPEG's tables do.
 """
 
 import json
@@ -14,7 +14,7 @@ import numpy as np
 from tqdm import tqdm
 
 import job
-from effects import pipeline
+from effects import library, pipeline
 from effects.base import View
 from inputs import tables
 from inputs.render_store import read_station
@@ -65,18 +65,27 @@ def lights_of(table):
     return {capture: row.to_numpy(float) for capture, row in known[list(LIGHT)].iterrows()}
 
 
-def expose_twin(expand, register_json, manifest, light, camera, effects, seed, out):
+def declared_of(table):
+    """Return {capture: [(effect, parameters)]} of what photographs' files say of themselves; empty where the table is None."""
+    if not table:
+        return {}
+    known = tables.read_table(table, tables.FILES)
+    known = known.astype({"jpeg_quality": float}).fillna({"jpeg_quality": 0.0})
+    return {facts["capture"]: library.declared_by(facts) for facts in known.to_dict("records")}
+
+
+def expose_twin(expand, register_json, manifest, light, files, camera, effects, seed, out):
     """Write the twin image of every capture of a camera as PNG to the folder ``out``.
 
-    manifest of the render stage; light the table of the captures' own lights, None where it is declared; effects [[name,
-    parameters], ...], scene effects are in the render already.
+    manifest of the render stage; light the table of the captures' own lights, None where it is declared; files that of what their
+    files say of themselves, None where nobody asks; effects [[name, parameters], ...], scene effects are in the render already.
     """
     expand, out = Path(expand), Path(out)
     record = json.loads(Path(manifest).read_text())
     facts = json.loads((expand / "scene.json").read_text())
     poses = {s: make_pose(e["pose"][:3], e["pose"][3:]) for s, e in record["stations"].items()}
     chosen = [(n, p) for n, p in effects]
-    lights = lights_of(light)
+    lights, declared = lights_of(light), declared_of(files)
     place = BoardPlace(load_scene(expand).plates[0]) if lights else None
     with whole_folder(out) as folder:
         views = list(views_of(expand, register_json, camera, poses))
@@ -86,7 +95,8 @@ def expose_twin(expand, register_json, manifest, light, camera, effects, seed, o
             if capture in lights:
                 radiance = in_own_light(radiance, lights[capture], view, place)
             rng = np.random.default_rng(job.seed_of(seed, facts["name"], camera, capture, "expose"))
-            image = pipeline.to_uint8(pipeline.form_image(radiance, view, chosen, rng))
+            own = [e for e in declared.get(capture, []) if e[0] not in dict(chosen)]
+            image = pipeline.to_uint8(pipeline.form_image(radiance, view, [*chosen, *own], rng))
             pixels = image[..., 0] if image.shape[2] == 1 else image[..., ::-1]
             ok, data = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 3])
             if not ok:
@@ -102,6 +112,7 @@ if __name__ == "__main__":
         register_json=snakemake.input.register,
         manifest=snakemake.input.manifest,
         light=snakemake.input.get("light") or None,
+        files=snakemake.input.get("files") or None,
         camera=snakemake.wildcards.camera,
         effects=snakemake.params.effects,
         seed=snakemake.params.seed,

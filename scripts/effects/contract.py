@@ -23,6 +23,7 @@ HOOKS = {  # functions that an effect may have, with their parameters
     "noise_gain": ("p",),
     "reach_px": ("p",),
     "starts_from": ("image",),
+    "declared_by": ("facts",),
 }
 NEEDED = ("STAGE", "ORDER", "AFFECTS", "PARAMETERS")
 OPTIONAL = ("STARTS", "CHROMATIC", "MAKES_COLOUR", "MIXES_CHANNELS", "NEEDS_REPEATS", "ONLY_BOARDS")

@@ -58,6 +58,13 @@ CLEAR_STEPS, ENOUGH_COEFFICIENTS, WITHIN_SQUARES = 0.2, 200, 0.6
 QUALITIES_SEEN = range(5, 97)
 
 
+def declared_by(facts):
+    """Return the parameters of the tables in a JPEG's own file; None of a file that is none."""
+    if not facts["jpeg_quality"]:
+        return None
+    return {"loss": 100.0 - facts["jpeg_quality"], "full_colour": float(facts["jpeg_sampling"] == "4:4:4")}
+
+
 def compressed(pixels, quality, full_colour):
     """Return uint8 pixels (H, W, 1 or 3; red first) after JPEG at a whole quality, 0..100, colour stored in full or half."""
     colour = pixels.shape[2] == 3

@@ -39,6 +39,14 @@ def starts_seen(image):
     return {name: start for name, start in found.items() if start is not None}
 
 
+def declared_by(facts):
+    """Return [(effect, {parameter: value})]: what a photograph's file says of itself (inputs.photo_facts) was done to it."""
+    found = [
+        (n, module.declared_by(facts)) for n, module in available_effects().items() if hasattr(module, "declared_by")
+    ]
+    return [(name, nulls_of(name) | values) for name, values in found if values is not None]
+
+
 def discrete_parameters(name):
     """Return the names of the parameters with which an effect's image changes by leaps."""
     return [key for key, p in parameters_of(name).items() if p.discrete]

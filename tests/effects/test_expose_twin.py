@@ -11,6 +11,7 @@ from effect_views import MARGIN, view
 from effects import library
 from expose_twin import expose_twin
 from inputs import tables
+from inputs.photo_facts import photo_facts
 from inputs.render_store import write_station
 from rig.errors import InputError
 from rig.geometry import split_pose
@@ -40,9 +41,9 @@ def run(tmp_path):
     entry = {"file": "cam/s.npz", "key": "key", "pose": pose}
     (tmp_path / "render/cam.json").write_text(json.dumps({"stations": {"s": entry}}))
 
-    def expose(effects=(), seed="seed", light=None):
+    def expose(effects=(), seed="seed", light=None, files=None):
         paths = (tmp_path / "expand", tmp_path / "register.json", tmp_path / "render/cam.json")
-        expose_twin(*paths, light, "cam", list(effects), seed, tmp_path / "twin/cam")
+        expose_twin(*paths, light, files, "cam", list(effects), seed, tmp_path / "twin/cam")
         assert [p.name for p in (tmp_path / "twin").iterdir()] == ["cam"]
         return {p.stem: p.read_bytes() for p in sorted((tmp_path / "twin/cam").iterdir())}
 
@@ -89,6 +90,23 @@ def test_a_photograph_of_a_board_has_its_own_light(run, tmp_path):
     assert red > green + 5 > blue + 10
     left, right = (pixels(images["a0"])[HEIGHT // 2 :, side, 1].mean() for side in (slice(0, 30), slice(-30, None)))
     assert right > left + 10
+
+
+def test_the_twin_of_a_jpeg_is_one(run, tmp_path):
+    """Fails if a photograph's own tables are not in its twin, or are in that of a photograph whose file has none."""
+    (tmp_path / "a0.jpg").write_bytes(
+        cv2.imencode(".jpg", np.zeros((16, 16, 3), np.uint8), [cv2.IMWRITE_JPEG_QUALITY, 20])[1]
+    )
+    (tmp_path / "a1.png").write_bytes(cv2.imencode(".png", np.zeros((16, 16, 3), np.uint8))[1])
+    facts = [photo_facts(path) | {"capture": path.stem} for path in (tmp_path / "a0.jpg", tmp_path / "a1.png")]
+    files = pd.DataFrame(facts, columns=list(tables.FILES.columns))
+    tables.write_table(
+        files.astype({"jpeg_quality": "Int64", "orientation": "Int64"}), tmp_path / "files.csv", tables.FILES
+    )
+    plain, images = run(), run(files=tmp_path / "files.csv")
+    assert images["a1"] == plain["a1"]
+    noisy, compressed = (pixels(data["a0"]).astype(float) for data in (plain, images))
+    assert compressed.std() < 0.5 * noisy.std()  # noise of two grey levels is below a step
 
 
 def test_a_lens_that_looks_too_far_leaves_nothing(run, tmp_path):

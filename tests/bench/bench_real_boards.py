@@ -1,0 +1,201 @@
+"""Every board set of ../shared/real as it is: ``python tests/bench/bench_real_boards.py [SET ...]``. Writes docs/real-photographs.md.
+
+Each set is expanded, registered, observed and diagnosed by its points as the workflow does it. Its left-out photographs are
+also projected by OpenCV's calibration with five coefficients, fitted to the same photographs as the twin. docs/real-photographs.csv
+holds a row a set; without names all are done anew. Figures are recorded (record.py).
+"""
+
+import argparse
+import json
+import logging
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests"), str(ROOT / "tests/bench")]
+
+import cv2  # noqa: E402
+import numpy as np  # noqa: E402
+import pandas as pd  # noqa: E402
+
+import job  # noqa: E402
+from case_files import load_measured  # noqa: E402
+from diagnose_camera import looked_at, telling_record, verdict_record  # noqa: E402
+from effects import library  # noqa: E402
+from expand_tables import expand_tables  # noqa: E402
+from gap.needs import cannot_tell  # noqa: E402
+from gap.select_effects import verdict  # noqa: E402
+from inputs.campaign import load_campaign  # noqa: E402
+from observe_captures import observe_captures  # noqa: E402
+from record import record  # noqa: E402
+from register_captures import register_captures  # noqa: E402
+from reporting.sentences import effect_words, or_others, plain  # noqa: E402
+from rig.errors import InputError  # noqa: E402
+
+REAL = ROOT.parent / "shared/real"
+TABLE, PAGE = ROOT / "docs/real-photographs.csv", ROOT / "docs/real-photographs.md"
+AT_FLOOR = 1.2
+COLUMNS = [
+    "set",
+    "photographs",
+    "size",
+    "verdict",
+    "effects",
+    "before",
+    "after",
+    "noise_px",
+    "not_told",
+    "needs",
+    "over_opencv",
+    "cpu_s",
+]
+HEAD = """# Real photographs
+
+What the program says of sets of photographs by real cameras that others published, as they are; nobody knows the truth. Made by
+`python tests/bench/bench_real_boards.py` from `../shared/real`, where each set has its source and licence; the table behind it is
+[real-photographs.csv](real-photographs.csv). Points of the boards alone are looked at.
+
+- **gap**: of left-out photographs, in floors, with the ideal pinhole and with the effects named ([method](method.md)).
+- **left out, over OpenCV**: root mean square of left-out points, over that of OpenCV's calibration with five coefficients, which is
+  fitted to the same photographs. Below 1 the twin projects better.
+- **cannot be told**: effects that would stay unseen at the amount worth naming, and what would show them.
+
+"""
+
+
+def board_sets():
+    """Return the names of the sets that are campaigns of a board."""
+    return sorted(p.parent.name for p in REAL.glob("*/campaign.yaml") if load_campaign(p.parent).file.target)
+
+
+def diagnosed(name, folder):
+    """Return the table's row of a set (dict); what is refused is said in its verdict."""
+    campaign, start = REAL / name, time.process_time()
+    (camera,) = load_campaign(campaign).captures.camera.unique()
+    expand, intrinsics, observations = folder / "expand", folder / "r.json", folder / "observations.npz"
+    row = dict.fromkeys(COLUMNS, "") | {"set": name}
+    try:
+        expand_tables(campaign, None, camera, expand)
+        register_captures(expand, campaign, camera, folder / "r.csv", intrinsics)
+        observe_captures(expand, intrinsics, campaign, camera, observations)
+        case = load_measured(expand, intrinsics, camera, observations)
+    except (InputError, ValueError) as why:
+        return row | {"verdict": f"refused: {str(why).rpartition(': ')[2]}"}
+    competing, _ = looked_at(case, sorted(library.available_effects()))
+    search, base, first, outcome = verdict(case, candidates=competing)
+    result = verdict_record(base, first, outcome, dict(case.nuisances))
+    result |= telling_record(result["steps"], *cannot_tell(search, outcome.twin, competing))
+    ours, theirs = left_out_px(search, outcome.twin), opencv_left_out_px(search)
+    view = case.captures[0].view
+    return row | {
+        "photographs": len(search.train) + len(search.test),
+        "size": f"{view.width} x {view.height}",
+        "verdict": result["verdict"],
+        "effects": "; ".join(effect_words(step) + or_others(step) for step in result["steps"]),
+        "before": f"{result['gap_as_configured']:.2f}",
+        "after": f"{result['gap']:.2f}",
+        "noise_px": f"{case.noise_px:.3f}",
+        "not_told": ", ".join(plain(n) for n in result["not_told"]),
+        "needs": "; ".join(sorted({need["text"].partition(": ")[2] for need in result["needs"]})),
+        "over_opencv": f"{ours / theirs:.3f}",
+        "cpu_s": f"{time.process_time() - start:.0f}",
+    }
+
+
+def left_out_px(search, twin):
+    """Return the RMS length, pixels, of what a Twin's left-out photographs lie off, their poses fitted."""
+    case, effects = search.problem, list(twin.effects)
+    poses, _ = search.solver.score(effects, twin.poses, search.test)
+    off = [
+        case.captures[i].observation.features - case.corners_of(case.captures[i], effects, poses[i])[:, 0]
+        for i in search.test
+    ]
+    return rms_length(np.concatenate(off))
+
+
+def opencv_left_out_px(search):
+    """Return the same of OpenCV's calibration with five coefficients, fitted to the twin's photographs."""
+
+    def points_of(indices):
+        seen = {i: search.problem.captures[i].observation for i in indices}
+        return [
+            (search.problem.points[o.measured].astype(np.float32), o.features[o.measured].astype(np.float32))
+            for o in seen.values()
+        ]
+
+    view = search.problem.captures[0].view
+    board, image = zip(*points_of(search.train), strict=True)
+    _, K, distortion, _, _ = cv2.calibrateCamera(
+        board, image, (view.width, view.height), view.K.copy(), None, flags=cv2.CALIB_USE_INTRINSIC_GUESS
+    )
+    off = []
+    for points, pixels in points_of(search.test):
+        _, r, t = cv2.solvePnP(points, pixels, K, distortion)
+        r, t = cv2.solvePnPRefineLM(points, pixels, K, distortion, r, t)
+        off.append(cv2.projectPoints(points, r, t, K, distortion)[0][:, 0] - pixels)
+    return rms_length(np.concatenate(off))
+
+
+def rms_length(off):
+    """Return the root mean square length of differences (n, 2), NaN left out."""
+    return float(np.sqrt(np.nanmean((off**2).sum(1))))
+
+
+def page(table):
+    """Return the text of the page."""
+    shown = table.rename(
+        columns={
+            "photographs": "used",
+            "effects": "the twin lacks",
+            "before": "gap before",
+            "after": "after",
+            "noise_px": "a point's noise, px",
+            "not_told": "cannot be told",
+            "needs": "what would tell",
+            "over_opencv": "left out, over OpenCV",
+            "cpu_s": "CPU, s",
+        }
+    )
+    return HEAD + shown.to_markdown(index=False, disable_numparse=True) + "\n"
+
+
+def figures(table):
+    """Return [(what, figure, unit)] of the sets that were not refused."""
+    done = table[table.after != ""]
+    after, ratio = done.after.astype(float), done.over_opencv.astype(float)
+    lensed = ["chess_opencv_left", "chess_gopro_wide", "charuco_screen_wide"]
+    straight = ["chess_studio_control", "aruco6x6_gridboard"]
+    first = done.set_index("set").effects
+    right = sum(first.get(n, "").startswith("radial distortion") for n in lensed)
+    clean = sum(not {"distortion", "shutter"} & set(first.get(n, "lens distortion").split()) for n in straight)
+    return [
+        (f"board sets: gap after at most {AT_FLOOR} floors", f"{(after <= AT_FLOOR).sum()} of {len(done)}", "sets"),
+        ("board sets: left-out corners over OpenCV's with five coefficients, the worst", f"{ratio.max():.3f}", ""),
+        ("board sets with a lens: radial distortion first", f"{right} of {len(lensed)}", "sets"),
+        ("board sets without: no lens, no shutter named", f"{clean} of {len(straight)}", "sets"),
+    ]
+
+
+def main():
+    """Read the command line, diagnose, write, record."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", metavar="SET")
+    given = parser.parse_args()
+    logging.disable()
+    old = pd.read_csv(TABLE, dtype=str, keep_default_na=False) if TABLE.is_file() else pd.DataFrame(columns=COLUMNS)
+    for name in given.names or board_sets():
+        with tempfile.TemporaryDirectory() as folder:
+            row = diagnosed(name, Path(folder))
+        print(json.dumps(row), flush=True)
+        old = pd.concat([old[old.set != name], pd.DataFrame([row])]).astype(str).sort_values("set")
+        with job.write_atomically(TABLE) as file:
+            old.to_csv(file, index=False, lineterminator="\n")
+        with job.write_atomically(PAGE) as file:
+            file.write(page(old))
+    record(figures(old), "python tests/bench/bench_real_boards.py")
+
+
+if __name__ == "__main__":
+    main()
