@@ -88,6 +88,8 @@ def read_table(path, schema):
         table = pd.read_csv(path, dtype=text, keep_default_na=True)
     except (ValueError, pd.errors.ParserError) as error:  # also of what is no UTF-8, or empty
         raise InputError(f"{path}: not a CSV table in UTF-8 ({error})") from None
+    if not isinstance(table.index, pd.RangeIndex):  # pandas takes what is too much for names of rows
+        raise InputError(f"{path}: the first row has more values than there are columns")
     for name in table.columns.intersection(list(text)):
         table[name] = table[name].fillna("")
     return _checked(table, path, schema)
