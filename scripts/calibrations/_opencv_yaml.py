@@ -1,6 +1,5 @@
 """What both spellings of OpenCV's YAML share. Source: samples/cpp/tutorial_code/calib3d/camera_calibration."""
 
-import math
 import re
 
 from calibrations.lens import Calibration, entry, numbers
@@ -46,7 +45,7 @@ def read(text, where):
 
 
 def _whole(value):
-    return int(value) if math.isfinite(value) and value == int(value) else value
+    return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 def _matrix(where, data, key, count=None):

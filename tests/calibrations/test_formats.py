@@ -147,6 +147,7 @@ WRONG = {
     "unknown.xml": ('<?xml version="1.0" encoding="nope"?>' + LENS.format(crop=1, focal=24), "not XML"),
     "red.txt": ("1 \x1b[31mPINHOLE 640 480 1 2 3 4\n", "no calibration in a known format"),
     "nul.txt": ("1 PINHOLE 640 480 1\0 2 3 4\n", "could not convert"),
+    "high.yaml": (OLD.replace("image_Height: 480", f"image_Height: {'9' * 400}"), "height is 9999"),
     "nul.yaml": ("camera_matrix: !!opencv-matrix\n\0", "special characters are not allowed"),
     "broken.xml": ("<lensdatabase><lens>", "not XML"),
     "crop.xml": (LENS.format(crop="big", focal=24), "cropfactor is 'big'"),
