@@ -19,8 +19,8 @@ from IPython.display import HTML
 from matplotlib.ticker import MaxNLocator
 
 from inputs.images import read_image
+from markers.contract import marker_corners_world
 from rig.geometry import camera_matrix, make_pose, project
-from rig.plates import marker_corners_world
 
 BLUE, ORANGE, GREEN, GREY = "#0072B2", "#D55E00", "#009E73", "#595959"
 FOUND, MISSED = "#00C8FF", "#FF8C00"  # bright enough on grey photographs; missed is dashed as well

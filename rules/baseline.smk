@@ -34,6 +34,7 @@ if BASELINE:
             images=captures_of,
             earlier_images=earlier_images,
             code=imports_of("find_changes.py"),
+            finder_code=finder_code,
             effect_code=diagnosis_effect_code,
         output:
             verdict=VERDICT,

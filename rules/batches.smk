@@ -33,6 +33,7 @@ if DIVIDED:
             dictionaries=[],
             campaign=CAMPAIGN,
             part=part_of_batch,
+            packages=detector_packages,
             pins=locked("opencv-contrib-python-headless", "numpy", "numba", "pandas"),
         message:
             "Detecting markers of {wildcards.camera} with {wildcards.detector}, batch {wildcards.batch}"
@@ -69,6 +70,7 @@ if DIVIDED:
             register_json=f"{RESULTS}/register/{{camera}}.json",
             images=captures_of_batch,
             code=imports_of("observe_captures.py"),
+            finder_code=finder_code,
             effect_code=code_of_effects(effects_that_look()),
         output:
             observations=f"{RESULTS}/batches/{{camera}}/{{batch}}/observations.npz",

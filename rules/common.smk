@@ -23,6 +23,7 @@ from inputs.campaign import load_campaign
 from inputs.config import check_choice, check_config
 from rig.errors import InputError
 from inputs.experiment import load_experiment
+from markers import contract as marker_types
 from inputs.images import check_captures
 from run_guard import stamp
 from trials.trial_names import names_of
@@ -66,12 +67,29 @@ def check_names(done):
     check_choice("detectors", done["detectors"], contract.available())
     for name, parameters in done["detectors"].items():
         contract.check_parameters(name, parameters, f"configuration: detectors.{name}")
+        contract.check_packages(name, f"configuration: detectors.{name}")
     if done["diagnose"]["candidates"]:
         check_choice(
             "diagnose.candidates",
             done["diagnose"]["candidates"],
             sorted(available_effects()),
         )
+
+
+def reading_detectors(done, markers):
+    """Return the sorted names of the detectors that read some of the rig's markers; the reference must be one of them."""
+    names, families = sorted(done["detectors"]), sorted(set(markers.dictionary))
+    try:
+        able = contract.readers(names, families, "configuration: detectors")
+    except InputError as error:
+        end_with(error)
+    reference = done["aggregate"]["reference_detector"]
+    if reference not in able:
+        end_with(
+            f"configuration: aggregate.reference_detector: {reference} reads none of the rig's markers "
+            f"({', '.join(families)}); allowed are {', '.join(able)}"
+        )
+    return able
 
 
 def available_effects():
@@ -322,8 +340,13 @@ def twin_files():
 
 
 def detector_code(wildcards):
+    """Return the files of the job's detector and of what they import."""
+    return code_of_detector(wildcards.detector)
+
+
+def code_of_detector(name):
     """Return the files of one detector, a module or all of a package, and of what they import."""
-    path = Path(f"scripts/detectors/{wildcards.detector}")
+    path = Path(f"scripts/detectors/{name}")
     single = path.with_suffix(".py")
     return with_imports(
         [str(single)] if single.is_file() else map(str, path.rglob("*.py"))
@@ -333,6 +356,26 @@ def detector_code(wildcards):
 def detector_parameters(wildcards):
     """Return the configured parameters of one detector."""
     return config["detectors"][wildcards.detector]
+
+
+def finder_code(wildcards):
+    """Return the code of the detectors that find the rig's markers where OpenCV can't, whatever is configured."""
+    return sorted(
+        {path for name in set(FINDERS.values()) for path in code_of_detector(name)}
+    )
+
+
+def checked_finders(markers):
+    """Return {family: detector} of contract.finders_of; end with one message where there is none."""
+    try:
+        return contract.finders_of(markers.dictionary)
+    except InputError as error:
+        end_with(error)
+
+
+def detector_packages(wildcards):
+    """Return {package: version} that one detector needs besides the others' environment."""
+    return locked(*contract.needs_of(wildcards.detector).values())
 
 
 def mem_mb_of(rule):
@@ -389,7 +432,8 @@ CAMPAIGN = str(Path(config["campaign"])) if config["campaign"] else None
 NAME = SOURCE.file.name
 RESULTS = f"results/{NAME}"
 CAMERAS = sorted(set(SOURCE.captures.camera) if CAMPAIGN else SOURCE.file.cameras)
-DETECTORS = sorted(config["detectors"])
+DETECTORS = reading_detectors(config, SOURCE.markers)
+FINDERS = checked_finders(SOURCE.markers)
 CAPTURE_COUNTS = SOURCE.captures.camera.value_counts().to_dict()
 # Whether these are photographs of one calibration board.
 BOARD = bool(CAMPAIGN and SOURCE.file.target)

@@ -20,6 +20,7 @@ rule compare_twins:
             f"{RESULTS}/detect/{{{{camera}}}}/{{detector}}.csv", detector=DETECTORS
         ),
         code=imports_of("compare_twins.py"),
+        finder_code=finder_code,
     output:
         table=f"{RESULTS}/compare/{{camera}}.csv",
         cells=f"{RESULTS}/compare/{{camera}}.parquet",

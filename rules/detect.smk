@@ -33,6 +33,7 @@ rule detect_captures:
         parameters=detector_parameters,
         dictionaries=[],
         campaign=CAMPAIGN,
+        packages=detector_packages,
         pins=locked("opencv-contrib-python-headless", "numpy", "numba", "pandas"),
     message:
         "Detecting markers of {wildcards.camera} with {wildcards.detector}"

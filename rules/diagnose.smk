@@ -14,6 +14,7 @@ rule observe_captures:
         register_json=f"{RESULTS}/register/{{camera}}.json",
         images=captures_of,
         code=imports_of("observe_captures.py"),
+        finder_code=finder_code,
         effect_code=[] if BOARD else code_of_effects(effects_that_look()),
     output:
         observations=f"{RESULTS}/diagnosis/{{camera}}/observations.npz",
@@ -77,6 +78,7 @@ rule diagnose_camera:
         observations=f"{RESULTS}/diagnosis/{{camera}}/observations.npz",
         patches=f"{RESULTS}/diagnosis/{{camera}}/patches.npz" if CELLS else [],
         code=imports_of("diagnose_camera.py"),
+        finder_code=finder_code,
         effect_code=diagnosis_effect_code,
     output:
         verdict=OWN_VERDICT,

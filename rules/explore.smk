@@ -30,6 +30,7 @@ rule explore_camera:
         twin=f"{RESULTS}/twin/{{camera}}",
         images=captures_of,
         code=imports_of("explore_camera.py"),
+        finder_code=finder_code,
     output:
         directory(f"{RESULTS}/report/explore/{{camera}}"),
     log:

@@ -80,6 +80,7 @@ rule detect_moving:
         "../envs/twingap.yaml"
     params:
         trajectories=moving_trajectories,
+        packages=detector_packages,
         pins=locked("opencv-contrib-python-headless", "numpy", "numba", "pandas"),
     message:
         "Following markers with {wildcards.detector}"

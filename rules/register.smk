@@ -20,6 +20,7 @@ rule register_captures:
         images=captures_of,
         calibration=lookup(dpath="{camera}", within=CALIBRATION),
         code=imports_of("register_captures.py"),
+        finder_code=finder_code,
     output:
         table=f"{RESULTS}/register/{{camera}}.csv",
         intrinsics=f"{RESULTS}/register/{{camera}}.json",

@@ -15,9 +15,9 @@ import pyarrow.parquet as pq
 
 import job
 from inputs.tables import CAMERAS, CAPTURES, DETECTIONS, MARKERS, REGISTERED, STATIONS, read_table
+from markers.contract import marker_corners_world
 from reporting.metrics import is_flipped, relative_rotvec_deg
 from rig.geometry import camera_matrix, make_pose, project, station_pose, transform
-from rig.plates import marker_corners_world
 
 log = logging.getLogger("twingap")
 

@@ -16,6 +16,7 @@ import pandas as pd
 import job
 from case_files import load_case, load_observations, read_capture
 from inputs import tables
+from markers.contract import marker_corners_world
 from reporting.explore_tables import (
     as_js,
     bin_index,
@@ -31,7 +32,6 @@ from reporting.explore_tables import (
 )
 from reporting.ladder_images import LadderImages, chosen, rungs_of
 from rig.geometry import make_pose, transform
-from rig.plates import marker_corners_world
 from whole_folder import whole_folder
 
 log = logging.getLogger("twingap")

@@ -1,6 +1,7 @@
 """What Python files import of the project, read in their text: Snakemake does not see it, so rules make it inputs.
 
-Nothing is run. What is found by being there (effects, detectors) is imported under no name: rules declare it apart.
+Nothing is run. What is found by being there (effects, detectors) is imported under no name: rules declare it apart. Where a
+module says ``FINDS_NEIGHBOURS = True``, whoever imports it depends on all that lies beside it.
 """
 
 import ast
@@ -13,6 +14,7 @@ from pathlib import Path
 FOLDERS = ("scripts", "notebooks", "tests/bench")  # where a script's imports are looked for after its own folder
 # Whole files take ten times as long to parse, at every start of every job. Prose that looks like this does not parse,
 # or names no module.
+FINDS_NEIGHBOURS = re.compile(r"^FINDS_NEIGHBOURS = True\b", re.MULTILINE)
 STATEMENT = re.compile(r"^[ \t]*(?:import\b.*|from\b.*?\bimport\b[ \t]*(?:\([^)]*\)|.*))", re.MULTILINE)
 
 
@@ -43,8 +45,11 @@ def _closure(start):
 @functools.cache
 def _names_imported(path):
     """Return the dotted names that a file imports; of ``from a import b`` both ``a`` and ``a.b``."""
-    names = set()
-    for statement in STATEMENT.findall(_source_of(path)):
+    names, source = set(), _source_of(path)
+    if FINDS_NEIGHBOURS.search(source):
+        package = _package_of(path, 1)
+        names |= {".".join([*package, file.stem]) for file in Path(path).parent.glob("*.py")}
+    for statement in STATEMENT.findall(source):
         try:
             nodes = ast.parse(statement.strip()).body
         except SyntaxError:

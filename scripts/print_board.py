@@ -19,9 +19,9 @@ import job
 from inputs.campaign import Board, read_markers
 from inputs.experiment import rig_markers
 from inputs.safe_yaml import validation_message
+from markers.contract import marker_plate
 from print_pages import PAPERS, board_pages, plate_pages
 from rig.errors import InputError
-from rig.plates import marker_plate
 from rig.targets import target_plate
 
 log = logging.getLogger("twingap")

@@ -20,10 +20,10 @@ import job
 from effects import pipeline
 from effects.base import Scene, View
 from inputs import render_store
+from markers.contract import marker_plate
 from moving.config import load_moving
 from moving.truth import occluder_x_m, trajectory_of
 from rig.errors import InputError
-from rig.plates import marker_plate
 from whole_folder import whole_folder
 
 log = logging.getLogger("twingap")

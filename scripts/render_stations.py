@@ -25,7 +25,8 @@ from rig.geometry import camera_matrix, make_pose, split_pose
 
 log = logging.getLogger("twingap")
 
-RENDERING_CODE = ("blender/renderer.py", "blender/edges.py", "blender/materials.py", "rig/plates.py")
+RENDERING_CODE = tuple(f"blender/{name}.py" for name in ("renderer", "edges", "faces", "materials"))
+RENDERING_CODE += ("rig/plates.py", "rig/discs.py")
 
 
 def station_poses(expand, register_csv, camera):

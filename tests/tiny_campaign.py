@@ -5,8 +5,9 @@ import numpy as np
 import pandas as pd
 import yaml
 
+from markers.contract import marker_corners_world
 from rig.geometry import camera_matrix, project, station_pose
-from rig.plates import code_cells, marker_corners_world
+from rig.plates import code_cells
 
 WIDTH, HEIGHT = 64, 48
 MARKERS = """dictionary,id,code_m,plate_m,x,y,z,rx,ry,rz

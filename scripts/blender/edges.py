@@ -3,6 +3,7 @@
 import numpy as np
 from numba import njit
 
+from rig.discs import built_outlines
 from rig.geometry import transform
 
 NEAR_M = 1e-3
@@ -20,6 +21,9 @@ def edge_segments(plates):
         along = colour[1:-1, 1:] != colour[1:-1, :-1]
         found.append(np.stack([grid[:, :-1][across], grid[:, 1:][across]], axis=1))
         found.append(np.stack([grid[:-1][along], grid[1:][along]], axis=1))
+        for flat in built_outlines(plate):
+            rim = transform(plate.T_world_plate, np.pad(flat, ((0, 0), (0, 1))))
+            found.append(np.stack([rim, np.roll(rim, -1, axis=0)], axis=1))
     return np.concatenate(found)
 
 

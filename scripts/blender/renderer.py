@@ -22,6 +22,7 @@ import numpy as np
 from mathutils import Matrix
 
 from blender.edges import edge_pixels, edge_segments, overlooked_jumps
+from blender.faces import plate_faces
 from blender.materials import combine, constant, emitting_material
 from rig.geometry import invert_pose
 from rig.plates import spread_ink
@@ -274,15 +275,11 @@ class Renderer:
     def _add_plates(self):
         vertices, faces, kinds = [], [], []
         for plate in self.plates:
-            grid = plate.grid_world()
-            rows, columns = grid.shape[:2]
+            points, corners, white = plate_faces(plate)
             first = len(vertices)
-            vertices.extend(map(tuple, grid.reshape(-1, 3).tolist()))
-            for j in range(rows - 1):
-                for i in range(columns - 1):
-                    a = first + j * columns + i
-                    faces.append((a, a + 1, a + columns + 1, a + columns))
-                    kinds.append(WHITE if plate.white[j, i] else BLACK)
+            vertices.extend(map(tuple, points.tolist()))
+            faces.extend(tuple(first + k for k in face) for face in corners)
+            kinds.extend(WHITE if w else BLACK for w in white)
         mesh = bpy.data.meshes.new("plates")
         mesh.from_pydata(vertices, [], faces)
         for name, level in (("black", self.scene.black), ("white", self.scene.white)):

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 
 from detectors.contract import Detection, grey_image
-from rig.plates import aruco_dictionary
+from markers.contract import opencv_dictionary
 
 
 class OpenCvDetector:
@@ -16,7 +16,7 @@ class OpenCvDetector:
 
     def __init__(self, dictionaries, parameters):
         self.names = tuple(dictionaries)
-        tables = [aruco_dictionary(name) for name in self.names]
+        tables = [opencv_dictionary(name) for name in self.names]
         self.together = hasattr(cv2.aruco.ArucoDetector, "detectMarkersMultiDict")
         if self.together:
             self.detectors = [cv2.aruco.ArucoDetector(tables, parameters)]

@@ -1,12 +1,11 @@
-"""AprilTag 3 through the optional package pupil-apriltags (BSD): reads AprilTag families, not ArUco's.
+"""AprilTag 3 through the optional package pupil-apriltags (BSD): reads AprilTag's families, not ArUco's.
 
-Here as the third party of the bench; corners are moved by half a pixel to OpenCV's convention.
+Corners are moved by half a pixel to OpenCV's convention.
 """
 
 import numpy as np
 
 from detectors.contract import Detection, grey_image
-from rig.errors import InputError
 
 PARAMETERS = {
     # Factor by which the image is shrunk for the search: larger is faster and misses small tags.
@@ -15,49 +14,49 @@ PARAMETERS = {
     "threads": 1,
 }
 
+NEEDS = {"pupil_apriltags": "pupil-apriltags"}
+# What the library calls a family, and by how many quarters OpenCV draws it turned against AprilTag's own drawings.
 FAMILIES = {
-    "DICT_APRILTAG_16h5": "tag16h5",
-    "DICT_APRILTAG_25h9": "tag25h9",
-    "DICT_APRILTAG_36h11": "tag36h11",
+    "DICT_APRILTAG_16h5": ("tag16h5", 2),
+    "DICT_APRILTAG_25h9": ("tag25h9", 2),
+    "DICT_APRILTAG_36h11": ("tag36h11", 2),
+    "tagStandard41h12": ("tagStandard41h12", 0),
 }
 
 
+def _leave_it(detector):
+    """Free nothing: the package frees families before the detector that still looks at them, which breaks the heap."""
+
+
 class AprilTagDetector:
-    """pupil-apriltags behind the contract."""
+    """pupil-apriltags behind the contract; a detector a family: the package takes one of several and leaves out the rest."""
 
     def __init__(self, library, families, decimate, threads):
-        self.names = {FAMILIES[name]: name for name in families}
-        self.detector = library.Detector(" ".join(self.names), nthreads=threads, quad_decimate=decimate)
+        kept = type("Kept", (library.Detector,), {"__del__": _leave_it})
+        self.detectors = {name: kept(FAMILIES[name][0], nthreads=threads, quad_decimate=decimate) for name in families}
 
     def detect(self, image):
         """Return the Detections of an image (grey or colour, see contract.grey_image)."""
         grey = grey_image(image)
         if min(grey.shape) < 8:
             return []  # smaller than any tag
-        found = self.detector.detect(grey)
-        # The library counts corners the other way round from another corner and puts pixel centres at 0.5.
+        # The library counts corners the other way round from the lower left and puts pixel centres at 0.5.
         return [
-            Detection(
-                self.names[d.tag_family.decode()],
-                d.tag_id,
-                np.roll(np.asarray(d.corners)[::-1], 2, axis=0) - 0.5,
-            )
-            for d in found
+            Detection(name, d.tag_id, np.roll(np.asarray(d.corners)[::-1], FAMILIES[name][1], axis=0) - 0.5)
+            for name, detector in self.detectors.items()
+            for d in detector.detect(grey)
         ]
 
 
-def make_detector(dictionaries, decimate=2.0, threads=1):
-    """Return the detector.
+def reads(family):
+    """Return whether it reads a family of markers."""
+    return family in FAMILIES
 
-    Raises InputError where the package is missing, ValueError where no dictionary is one of its families.
-    """
-    try:
-        import pupil_apriltags
-    except ImportError:
-        raise InputError(
-            "detector apriltag needs the package pupil-apriltags: install the optional extra 'bench'"
-        ) from None
-    families = [name for name in dictionaries if name in FAMILIES]
-    if not families:
-        raise ValueError(f"reads {', '.join(FAMILIES)} only, not {', '.join(dictionaries)}")
-    return AprilTagDetector(pupil_apriltags, families, decimate, threads)
+
+def make_detector(dictionaries, decimate=2.0, threads=1):
+    """Return the detector; ValueError for values that make no sense."""
+    import pupil_apriltags
+
+    if decimate < 1 or threads < 1:
+        raise ValueError(f"decimate {decimate} and threads {threads} are to be at least 1")
+    return AprilTagDetector(pupil_apriltags, dictionaries, decimate, threads)

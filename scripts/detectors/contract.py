@@ -1,13 +1,16 @@
-"""What a detector is, which there are, and what all of them share: parameters, image check, poses.
+"""What a detector is, which there are, which markers they read, and what all of them share: parameters, image check, poses.
 
 A detector is a module or package in this folder with ``PARAMETERS`` (dict of defaults) and
 ``make_detector(dictionaries, **parameters)``, whose result has ``detect(image) -> list[Detection]``.
-Names that begin with ``_`` and this file are no detectors. A detector that follows markers through sequences is a
+Names that begin with ``_`` and this file are no detectors. Optional are ``reads(family) -> bool``, which families of markers it
+reads (without it: all that have an OpenCV dictionary), and ``NEEDS``, {module: package} that are to be installed; a package is
+imported in ``make_detector``, so that the rest is known without it. A detector that follows markers through sequences is a
 package with a module ``tracker``: ``TRACKER_PARAMETERS``, defaults beside the detector's own (``budget_ms`` among them
 where a frame's time can be bounded), and ``Tracker(dictionaries, K=..., code_m=..., **parameters)``.
 """
 
 import importlib
+import importlib.util
 import math
 import pkgutil
 from dataclasses import dataclass
@@ -16,8 +19,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from markers.contract import opencv_dictionary
 from rig.errors import InputError
-from rig.plates import aruco_dictionary, marker_corners_plate
+from rig.plates import marker_corners_plate
 
 DEFAULT_DICTIONARIES = ("DICT_5X5_1000", "DICT_ARUCO_ORIGINAL")
 
@@ -26,10 +30,10 @@ DEFAULT_DICTIONARIES = ("DICT_5X5_1000", "DICT_ARUCO_ORIGINAL")
 class Detection:
     """One marker in one image.
 
-    dictionary  OpenCV's name, such as ``DICT_5X5_1000``
+    dictionary  the marker's family, such as OpenCV's ``DICT_5X5_1000``
     id          int
-    corners     float64 (4, 2), pixels: the black frame's outer corners, top left, top right, bottom right,
-                bottom left of the marker; the centre of the top-left pixel is (0, 0)
+    corners     float64 (4, 2), pixels: of the code's square (of an ArUco marker the black frame's outer corners), top left,
+                top right, bottom right, bottom left of the marker; the centre of the top-left pixel is (0, 0)
     """
 
     dictionary: str
@@ -48,6 +52,60 @@ def load(name):
     if name not in available():
         raise InputError(f"unknown detector {name!r}; allowed are {', '.join(available())}")
     return importlib.import_module(f"detectors.{name}")
+
+
+def needs_of(name):
+    """Return {module: package} that a detector needs besides what every installation has."""
+    return getattr(load(name), "NEEDS", {})
+
+
+def check_packages(name, where):
+    """Raise InputError where a package that a detector needs is not installed; ``where`` names the detector's place."""
+    for module, package in needs_of(name).items():
+        if importlib.util.find_spec(module) is None:
+            raise InputError(
+                f"{where}: detector {name} needs the package {package}: install the optional extra 'trackers', or leave "
+                "the detector out"
+            )
+
+
+def reads(name, family):
+    """Return whether a detector reads a family of markers; InputError for a family that no marker type knows."""
+    module = load(name)
+    if hasattr(module, "reads"):
+        return bool(module.reads(family))
+    return opencv_dictionary(family) is not None
+
+
+def readers(names, families, where):
+    """Return those of some detectors' ``names`` that read at least one of the families, all where there is no family.
+
+    Raises InputError for a family that none of them reads, saying who does.
+    """
+    for family in families:
+        if not any(reads(name, family) for name in names):
+            others = [name for name in available() if reads(name, family)]
+            hint = f"; {', '.join(others)} would" if others else ""
+            raise InputError(f"{where}: none of {', '.join(names)} reads markers of {family}{hint}")
+    return [name for name in names if not families or any(reads(name, family) for family in families)]
+
+
+def finders_of(families):
+    """Return {family: name of a detector} of the families that have no OpenCV dictionary.
+
+    By it registration and diagnosis find them, whatever is configured: the first by name that reads a family and has its
+    packages. Raises InputError where there is none.
+    """
+    found = {}
+    for family in sorted(set(families)):
+        if opencv_dictionary(family) is None:
+            able = [name for name in available() if reads(name, family)]
+            ready = [name for name in able if all(map(importlib.util.find_spec, needs_of(name)))]
+            if not ready:
+                hint = f": install the optional extra 'trackers' ({', '.join(able)})" if able else ""
+                raise InputError(f"no detector here reads markers of {family}{hint}")
+            found[family] = ready[0]
+    return found
 
 
 def tracker_of(name):
@@ -95,15 +153,22 @@ def _same_kind(value, default):
 
 
 def make(name, dictionaries=DEFAULT_DICTIONARIES, parameters=None, where="parameters"):
-    """Return a detector for these dictionaries; raises InputError for an unknown name, dictionary or parameter."""
-    for dictionary in dictionaries:
-        try:
-            aruco_dictionary(dictionary)
-        except ValueError as error:
-            raise InputError(f"{where}: {error}; allowed are OpenCV's names, such as DICT_5X5_1000") from None
-    parameters = check_parameters(name, parameters, where)
+    """Return a detector for those of some families (``dictionaries``) that it reads.
+
+    Raises InputError for an unknown name, family or parameter, a missing package, and families of which it reads none.
+    """
     try:
-        return load(name).make_detector(tuple(dictionaries), **parameters)
+        mine = tuple(family for family in dictionaries if reads(name, family))
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+    if not mine:
+        known = getattr(load(name), "FAMILIES", ())
+        hint = f"; it reads {', '.join(known)}" if isinstance(known, dict) else ""
+        raise InputError(f"{where}: detector {name} reads no markers of {', '.join(dictionaries)}{hint}")
+    parameters = check_parameters(name, parameters, where)
+    check_packages(name, where)
+    try:
+        return load(name).make_detector(mine, **parameters)
     except ValueError as error:
         raise InputError(f"{where}: detector {name}: {error}") from None
 

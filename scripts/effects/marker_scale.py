@@ -26,8 +26,15 @@ def _scaled(lines, scale):
 
 
 def change_scene(scene, p):
-    """Scale the grid inside the white ring of every plate."""
+    """Scale what is printed inside the white ring of every plate."""
+    scale = p["scale"]
     plates = tuple(
-        replace(plate, x_m=_scaled(plate.x_m, p["scale"]), y_m=_scaled(plate.y_m, p["scale"])) for plate in scene.plates
+        replace(
+            plate,
+            x_m=_scaled(plate.x_m, scale),
+            y_m=_scaled(plate.y_m, scale),
+            discs=plate.discs * [scale, scale, scale, 1],
+        )
+        for plate in scene.plates
     )
     return scene.with_(plates=plates)

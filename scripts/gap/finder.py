@@ -1,4 +1,7 @@
-"""OpenCV's ArUco as it comes, on the codes of the rig: which are in an image, where, and at which pose."""
+"""OpenCV's ArUco as it comes, on the codes of the rig: which are in an image, where, and at which pose.
+
+Families that have no OpenCV dictionary are found by a detector that reads them (detectors.contract.finders_of).
+"""
 
 import cv2
 import numpy as np
@@ -16,15 +19,18 @@ class Finder:
     def __init__(self, scene, codes, K):
         self.index = {p.name: k for k, p in enumerate(scene.plates)}
         self.half_code = codes.half_code
-        self.detector = OpenCvDetector(
-            sorted({name.split("/")[0] for name in self.index}), cv2.aruco.DetectorParameters()
-        )
+        families = sorted({name.split("/")[0] for name in self.index})
+        others = contract.finders_of(families)
+        usual = [family for family in families if family not in others]
+        self.detectors = [OpenCvDetector(usual, cv2.aruco.DetectorParameters())] if usual else []
+        self.detectors += [contract.make(name, [family]) for family, name in others.items()]
         self.K = K
 
     def corners(self, image):
         """Return {plate index: corners (4, 2) in pixels} of a grey-level image (H, W, C)."""
         grey = np.clip(np.rint(grey_of(image)), 0, 255).astype(np.uint8)
-        found = {self.index.get(f"{d.dictionary}/{d.id}"): d.corners for d in self.detector.detect(grey)}
+        seen = [d for detector in self.detectors for d in detector.detect(grey)]
+        found = {self.index.get(f"{d.dictionary}/{d.id}"): d.corners for d in seen}
         found.pop(None, None)
         return found
 

@@ -16,12 +16,14 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from calibrations.formats import read_calibration
 from inputs.rows import number, read_rows
 from inputs.safe_yaml import LONGEST_SHOWN, load_yaml, validation_message
+from markers.contract import count_of, least_plate
 from rig.board_markers import board_markers
 from rig.errors import InputError
 from rig.plates import aruco_dictionary
 
 NAME = r"^[A-Za-z0-9_-]+$"
 LARGEST_PX = 20_000
+ROUNDED = 1e-6  # by which lengths may be off that were rounded when they were written
 # What photographs may leave open: the word for it, what the twin then assumes, what else may be written.
 OPEN = {
     "light": ("unknown", "even", "the word even"),
@@ -233,11 +235,9 @@ def read_markers(path):
                 number(path, row, k, 0, 1000)
         dictionary = row["dictionary"].strip()
         try:
-            last_id = len(aruco_dictionary(dictionary).bytesList) - 1
-        except ValueError:
-            raise InputError(
-                f"{path}, row {row['row']}, column dictionary: {dictionary!r} is no dictionary of OpenCV's"
-            ) from None
+            last_id = count_of(dictionary) - 1
+        except InputError as error:
+            raise InputError(f"{path}, row {row['row']}, column dictionary: {error}") from None
         values = {"dictionary": dictionary, "id": number(path, row, "id", 0, last_id, whole=True)}
         values |= {k: number(path, row, k, 1e-4, 10) for k in ("code_m", "plate_m")}
         values |= {k: number(path, row, k, -1000, 1000) for k in metres}
@@ -245,6 +245,12 @@ def read_markers(path):
         if values["code_m"] > values["plate_m"]:
             raise InputError(
                 f"{path}, row {row['row']}, column code_m: {row['code_m']} is larger than plate_m {row['plate_m']}"
+            )
+        needed = least_plate(dictionary, values["id"])
+        if values["code_m"] * needed > values["plate_m"] * (1 + ROUNDED):
+            raise InputError(
+                f"{path}, row {row['row']}, column plate_m: {row['plate_m']} is less than {needed:g} times code_m "
+                f"{row['code_m']}, so far {dictionary} reaches"
             )
         key = dictionary, values["id"]
         if key in seen:

@@ -13,11 +13,22 @@ import numpy as np
 import pandas as pd
 from pydantic import Field, ValidationError, model_validator
 
-from inputs.campaign import LARGEST_PX, NAME, POSE, NominalCamera, Reflectance, Strict, inside, is_name, place_name
+from inputs.campaign import (
+    LARGEST_PX,
+    NAME,
+    POSE,
+    ROUNDED,
+    NominalCamera,
+    Reflectance,
+    Strict,
+    inside,
+    is_name,
+    place_name,
+)
 from inputs.safe_yaml import load_yaml, validation_message
+from markers.contract import count_of, least_plate
 from rig.errors import InputError
 from rig.geometry import split_pose, station_pose
-from rig.plates import aruco_dictionary
 
 FOV_AGREES = 0.02  # stated field of view and focal length may differ by this share
 
@@ -64,6 +75,23 @@ class CameraSheet(Strict):
         )
 
 
+def _check_markers(rig, plates):
+    """Raise ValueError where a ladder's or board's plates are too small for their markers, or its family has too few ids."""
+    if rig.code_m > rig.plate_m:
+        raise ValueError(f"code_m {rig.code_m:g} is larger than plate_m {rig.plate_m:g}")
+    try:
+        known = count_of(rig.dictionary)
+    except InputError as error:
+        raise ValueError(f"dictionary: {error}") from None
+    if rig.first_id + plates > known:
+        raise ValueError(f"ids {rig.first_id}..{rig.first_id + plates - 1}; {rig.dictionary} has {known}")
+    needed = least_plate(rig.dictionary, rig.first_id)
+    if rig.code_m * needed > rig.plate_m * (1 + ROUNDED):
+        raise ValueError(
+            f"plate_m {rig.plate_m:g} is less than {needed:g} times code_m {rig.code_m:g}, so far {rig.dictionary} reaches"
+        )
+
+
 class Ladder(Strict):
     """Plates on the ground along y, alternating between two columns."""
 
@@ -79,11 +107,7 @@ class Ladder(Strict):
     @model_validator(mode="after")
     def fits(self):
         """The code must fit its plate, the ids their dictionary."""
-        if self.code_m > self.plate_m:
-            raise ValueError(f"code_m {self.code_m:g} is larger than plate_m {self.plate_m:g}")
-        known = len(aruco_dictionary(self.dictionary).bytesList)
-        if self.first_id + self.plates > known:
-            raise ValueError(f"ids {self.first_id}..{self.first_id + self.plates - 1}; {self.dictionary} has {known}")
+        _check_markers(self, self.plates)
         return self
 
     def rows(self):
@@ -115,6 +139,7 @@ class Board(Strict):
             raise ValueError(
                 f"code_m {self.code_m:g} <= plate_m {self.plate_m:g} <= pitch_m {self.pitch_m:g} does not hold"
             )
+        _check_markers(self, self.columns * self.rows)
         return self
 
     def plate_rows(self):

@@ -6,7 +6,7 @@ from pathlib import Path
 from effects.base import Scene
 from inputs import tables
 from inputs.campaign import Board
-from rig.plates import marker_plate
+from markers.contract import marker_plate
 from rig.targets import target_plate
 
 

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from detectors import contract
+from markers.contract import marker_corners_world, opencv_dictionary
 from register import boards, calibration
 from register.board_checks import only_fitting
-from rig.plates import aruco_dictionary, marker_corners_world
 
 SECTORS_ARE_BETTER = 0.6  # the usual chessboard finder stays unless the other nearly halves the residual
 
@@ -30,20 +31,26 @@ class Markers:
 
 
 def marker_finder(markers):
-    """Return a function of an image that returns the Markers of the rig's table seen in it (OpenCV, sub-pixel)."""
+    """Return a function of an image that returns the Markers of the rig's table seen in it.
+
+    OpenCV, sub-pixel; families that it does not read by the detectors of detectors.contract.finders_of.
+    """
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-    rigs = [
-        (cv2.aruco.ArucoDetector(aruco_dictionary(name), parameters), {m.id: m for m in rows.itertuples()})
-        for name, rows in markers.groupby("dictionary", sort=True)
-    ]
+    others = contract.finders_of(markers.dictionary)
+    rigs = []
+    for name, rows in markers.groupby("dictionary", sort=True):
+        if name in others:
+            see = _by_contract(contract.make(others[name], [name]))
+        else:
+            see = _by_opencv(cv2.aruco.ArucoDetector(opencv_dictionary(name), parameters))
+        rigs.append((see, {m.id: m for m in rows.itertuples()}))
 
     def find(image):
         grey = boards.grey_8bit(image)
         world, pixels, sides = [], [], []
-        for detector, known in rigs:
-            quads, ids, _ = detector.detectMarkers(grey)
-            for quad, marker in zip(quads, [] if ids is None else np.ravel(ids), strict=True):
+        for see, known in rigs:
+            for quad, marker in see(grey):
                 if marker in known:
                     world.append(marker_corners_world(known[marker]))
                     pixels.append(quad.reshape(4, 2))
@@ -51,6 +58,21 @@ def marker_finder(markers):
         return Markers(np.reshape(world, (-1, 4, 3)), np.reshape(pixels, (-1, 4, 2)).astype(float), np.array(sides))
 
     return find
+
+
+def _by_opencv(detector):
+    """Return a function of a grey image that returns [(corners (4, 2), id)] by a cv2.aruco.ArucoDetector."""
+
+    def see(grey):
+        quads, ids, _ = detector.detectMarkers(grey)
+        return list(zip(quads, [] if ids is None else np.ravel(ids), strict=True))
+
+    return see
+
+
+def _by_contract(detector):
+    """Return a function of a grey image that returns [(corners (4, 2), id)] by a detector of detectors.contract."""
+    return lambda grey: [(d.corners, d.id) for d in detector.detect(grey)]
 
 
 def board_finder(board):

@@ -1,26 +1,29 @@
-"""Printed plates as grids of black and white cells: what Blender builds, what is synthesised, what is fitted.
+"""Printed plates as grids of black and white cells and discs on them: what Blender builds, is synthesised, is fitted.
 
 A marker is a plate; a whole calibration board is one plate as well.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
 
+from rig.discs import no_discs, spread_discs, turning_colour
 from rig.geometry import make_pose, transform
 
 BOARD_MARGIN_SQUARES = 0.5  # white paper round a board, in squares: boards do not state their margin
+STRIPS = 96  # of a plate with discs, where its black area is wanted as rectangles
 
 
 @dataclass(frozen=True)
 class Plate:
-    """A print: a grid of rectangular cells, each black or white.
+    """A print: a grid of rectangular cells, each black or white, and discs painted over them.
 
     name          e.g. ``DICT_5X5_1000/3`` or ``board``
     T_world_plate 4 x 4 pose of the plate (x right, y up, z out of the paper), origin at its centre
     x_m, y_m      increasing cell boundaries in metres, shapes (nx+1,), (ny+1,)
     white         bool (ny, nx); row 0 is the *lowest* y
+    discs         (k, 4): x, y, radius in metres, 1 white or 0 black; painted in order, each on ground of one colour
     bend_m        how far paper that is not flat rises out of the plane, of ``height``
     """
 
@@ -29,6 +32,7 @@ class Plate:
     x_m: np.ndarray
     y_m: np.ndarray
     white: np.ndarray
+    discs: np.ndarray = field(default_factory=no_discs)
     bend_m: tuple = (0.0, 0.0, 0.0)
 
     def grid_world(self):
@@ -79,25 +83,6 @@ def marker_corners_plate(code_m):
     return np.array([[-h, h, 0], [h, h, 0], [h, -h, 0], [-h, -h, 0]])
 
 
-def marker_corners_world(marker):
-    """Return the four outer corners (4, 3) in the world of a row of the markers' table."""
-    T = make_pose([marker.rx, marker.ry, marker.rz], [marker.x, marker.y, marker.z])
-    return transform(T, marker_corners_plate(marker.code_m))
-
-
-def marker_plate(marker):
-    """Return the Plate of a row of the markers' table (dictionary, id, code_m, plate_m, x..z, rx..rz)."""
-    cells = code_cells(marker.dictionary, marker.id)
-    n = len(cells)
-    code = np.linspace(-marker.code_m / 2, marker.code_m / 2, n + 1)
-    half = marker.plate_m / 2
-    lines = np.concatenate([[-half], code, [half]])
-    white = np.ones((n + 2, n + 2), bool)
-    white[1:-1, 1:-1] = cells[::-1]
-    T = make_pose([marker.rx, marker.ry, marker.rz], [marker.x, marker.y, marker.z])
-    return Plate(f"{marker.dictionary}/{int(marker.id)}", T, lines, lines, white)
-
-
 def board_plate(rectangles, squares_x, squares_y, square_m):
     """Return the Plate of a board drawn as black rectangles on white paper.
 
@@ -123,13 +108,55 @@ def board_plate(rectangles, squares_x, squares_y, square_m):
 
 
 def black_rectangles(plate):
-    """Return the black area of a plate as disjoint rectangles (n, 4): x0, y0, x1, y1 in metres, runs along x."""
+    """Return the black area of a plate as disjoint rectangles (n, 4): x0, y0, x1, y1 in metres, runs along x.
+
+    Discs are cut into strips, STRIPS to a plate: what is drawn with them is off by a share of a strip at their rims.
+    """
+    if len(plate.discs):
+        return _black_strips(plate)
+    return cell_rectangles(plate)
+
+
+def cell_rectangles(plate):
+    """Return the black cells of a plate as ``black_rectangles``, discs left out."""
     rectangles = []
     for row in range(len(plate.y_m) - 1):
         black = np.concatenate([[0], ~plate.white[row], [0]]).astype(int)
         starts, ends = np.flatnonzero(np.diff(black) == 1), np.flatnonzero(np.diff(black) == -1)
         for a, b in zip(starts, ends, strict=True):
             rectangles.append([plate.x_m[a], plate.y_m[row], plate.x_m[b], plate.y_m[row + 1]])
+    return np.array(rectangles, float).reshape(-1, 4)
+
+
+def white_cell_at(plate, x, y):
+    """Return whether the cells at points x, y (n,) of a plate's frame are white, discs left out."""
+    column = np.clip(np.searchsorted(plate.x_m, x, side="right") - 1, 0, len(plate.x_m) - 2)
+    row = np.clip(np.searchsorted(plate.y_m, y, side="right") - 1, 0, len(plate.y_m) - 2)
+    return plate.white[row, column]
+
+
+def disc_changes(plate):
+    """Return the discs (k, 4) of a plate that change the colour of what they lie on."""
+    return turning_colour(plate.discs, white_cell_at(plate, *plate.discs[:, :2].T))
+
+
+def _black_strips(plate):
+    """Return the black area of a plate with discs as rectangles (n, 4), strip by strip as seen along its middle."""
+    rectangles = []
+    lines = np.linspace(*plate.y_m[[0, -1]], STRIPS + 1)
+    lines = np.unique(np.concatenate([lines, plate.y_m]))
+    for y0, y1 in zip(lines[:-1], lines[1:], strict=True):
+        y = (y0 + y1) / 2
+        half = np.sqrt(np.maximum(plate.discs[:, 2] ** 2 - (plate.discs[:, 1] - y) ** 2, 0))
+        ends = np.concatenate([plate.x_m, plate.discs[:, 0] - half, plate.discs[:, 0] + half])
+        ends = np.unique(np.clip(ends, *plate.x_m[[0, -1]]))
+        middle = (ends[:-1] + ends[1:]) / 2
+        white = white_cell_at(plate, middle, np.full(len(middle), y))
+        for (x, _, _, is_white), reach in zip(plate.discs, half, strict=True):
+            white = np.where(np.abs(middle - x) < reach, bool(is_white), white)
+        black = np.concatenate([[0], ~white, [0]]).astype(int)
+        starts, stops = np.flatnonzero(np.diff(black) == 1), np.flatnonzero(np.diff(black) == -1)
+        rectangles += [[ends[a], y0, ends[b], y1] for a, b in zip(starts, stops, strict=True)]
     return np.array(rectangles, float).reshape(-1, 4)
 
 
@@ -147,7 +174,8 @@ def spread_ink(plate, spread_m):
     near_x = _cells_near((x[1:] + x[:-1]) / 2, plate.x_m, d)
     near_y = _cells_near((y[1:] + y[:-1]) / 2, plate.y_m, d)
     grown = (near_y.astype(int) @ growing.astype(int) @ near_x.T.astype(int)) > 0
-    return replace(plate, x_m=x, y_m=y, white=~grown if spread_m > 0 else grown)
+    discs = spread_discs(plate.discs, spread_m)
+    return replace(plate, x_m=x, y_m=y, white=~grown if spread_m > 0 else grown, discs=discs)
 
 
 def _cells_near(centres, lines, distance):

@@ -12,9 +12,9 @@ from pydantic import ValidationError
 
 from inputs.campaign import Board
 from inputs.experiment import rig_markers
+from markers.contract import marker_corners_world
 from register.boards import find_board
 from rig.errors import InputError
-from rig.plates import marker_corners_world
 from start.loose import place_loose_markers
 from start.markers import (
     FITTING_SHARE,

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 
 from inputs.tables import DETECTIONS, REGISTERED
+from markers.contract import marker_corners_world
 from rig.geometry import camera_matrix, make_pose, project, split_pose, station_pose
-from rig.plates import marker_corners_world
 
 HEIGHT_M, TILT_DEG, FOCAL_PX, SIZE = 1.0, 90.0, 500.0, (400, 300)
 K = camera_matrix(FOCAL_PX, FOCAL_PX, 199.5, 149.5)

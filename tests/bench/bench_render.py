@@ -22,9 +22,9 @@ from exact_coverage import exact_radiance  # noqa: E402
 
 from bench_geometry import encoded  # noqa: E402
 from effects.base import Scene  # noqa: E402
+from markers.contract import marker_plate  # noqa: E402
 from record import record  # noqa: E402
 from rig.geometry import camera_matrix, invert_pose, station_pose  # noqa: E402
-from rig.plates import marker_plate  # noqa: E402
 
 WIDTH, HEIGHT, FOCAL_PX = 480, 270, 370.0  # the HP 325's field of view on a quarter of its pixels
 HEIGHT_M, TILT_DEG, STATIONS = 0.6, 45, 3

@@ -9,7 +9,8 @@ from effects.base import Scene
 from render_stations import key_of
 from rig.plates import Plate
 
-PLATE = Plate("p", np.eye(4), np.array([0.0, 0.1]), np.array([0.0, 0.1]), np.array([[True]]))
+DISCS = np.array([[0.05, 0.05, 0.01, 0.0]])
+PLATE = Plate("p", np.eye(4), np.array([0.0, 0.1]), np.array([0.0, 0.1]), np.array([[True]]), DISCS)
 REST = (np.eye(3), (64, 48), 4, 16, "CPU", "5.2.3", np.eye(4))
 
 

@@ -8,8 +8,9 @@ from exact_coverage import exact_radiance, sky_coverage
 from blender.edges import edge_pixels, edge_segments
 from blender.renderer import Renderer
 from effects.base import Scene, View, highlight_radiance, light_factor
+from markers.contract import marker_plate
 from rig.geometry import camera_matrix, invert_pose, make_pose, project, station_pose
-from rig.plates import marker_plate, spread_ink
+from rig.plates import spread_ink
 
 WIDTH, HEIGHT, MARGIN = 160, 120, 12
 K = camera_matrix(150.0, 150.0, 79.5, 59.5)

@@ -7,6 +7,7 @@ import pytest
 from bench.marker_scenes import compare, encode, scene, texture
 from detectors import contract
 from detectors.bart.codes import code_tables
+from rig.plates import aruco_dictionary
 from shared_files import shared
 
 
@@ -53,7 +54,7 @@ def test_textures_without_markers_have_no_ids(bart):
 
 @pytest.mark.parametrize("dictionary", ["DICT_4X4_1000", "DICT_6X6_1000", "DICT_APRILTAG_36h11", "DICT_7X7_1000"])
 def test_markers_of_other_dictionaries_are_not_misread(bart, dictionary):
-    table = contract.aruco_dictionary(dictionary)
+    table = aruco_dictionary(dictionary)
     rng = np.random.default_rng(3)
     for module in (2.2, 3.4, 7.0):
         sheet = np.full((600, 800), 210, np.uint8)

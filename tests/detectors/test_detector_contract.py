@@ -102,7 +102,7 @@ def test_only_a_detector_with_a_tracker_has_one():
 
 
 def test_apriltag_reads_its_families_or_says_what_is_missing():
-    pytest.importorskip("pupil_apriltags", reason="optional extra 'bench' is not installed")
+    pytest.importorskip("pupil_apriltags", reason="optional extra 'trackers' is not installed")
     cells = np.kron(code_cells("DICT_APRILTAG_36h11", 5), np.ones((10, 10)))
     image = np.pad(np.where(cells > 0, 220, 30), 40, constant_values=220).astype(np.uint8)
     found = contract.make("apriltag", ["DICT_APRILTAG_36h11"]).detect(image)

@@ -5,8 +5,8 @@ import numpy as np
 from effects import library
 from effects.base import Scene, View
 from inputs.tables import MARKERS
+from markers.contract import marker_plate
 from rig.geometry import camera_matrix, station_pose
-from rig.plates import marker_plate
 
 WIDTH, HEIGHT, MARGIN = 200, 140, 40
 # One setting of each effect, well off its null, that this small view can show

@@ -6,8 +6,8 @@ import numpy as np
 
 from effects.base import Scene, View
 from gap.predict.synthesis import Prints, coverages, shade
+from markers.contract import marker_plate
 from rig.geometry import camera_matrix, station_pose
-from rig.plates import marker_plate
 
 
 def plate(**changes):

@@ -9,12 +9,12 @@ from detect_markers import read_frames
 from detect_moving import detect_moving
 from detectors.contract import make
 from draw_moving import draw_moving
+from markers.contract import marker_corners_world
 from measure_moving import measure_moving
 from moving.config import load_moving
 from moving.trajectories import project_rolling
 from moving.truth import CORNERS
 from render_moving import render_moving
-from rig.plates import marker_corners_world
 from trace_moving import trace_moving
 
 FILE = """

@@ -4,11 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from markers.contract import marker_corners_world
 from register.finders import Markers
 from register.outcomes import register_markers
 from register.registration import NO_PRIOR, pose_from_markers, prior_of, register_pose, warp_real_to_twin
 from rig.geometry import camera_matrix, perturb_pose, project, station_pose
-from rig.plates import marker_corners_world
 
 K = camera_matrix(600, 600, 399.5, 299.5)
 NOMINAL = station_pose(0.5, 35)

@@ -12,7 +12,7 @@ from board_photographs import drawn, lay, photograph
 from inputs.campaign import Board, load_campaign
 from inputs.experiment import rig_markers
 from inputs.safe_yaml import load_yaml
-from rig.plates import marker_plate
+from markers.contract import marker_plate
 from rig.targets import target_plate
 from shared_files import shared
 

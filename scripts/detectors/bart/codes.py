@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numba import njit
 
-from rig.plates import aruco_dictionary
+from markers.contract import opencv_dictionary
 
 NO_CODE = -1
 
@@ -21,7 +21,7 @@ def code_tables(names):
     """
     groups = {}
     for name in names:
-        d = aruco_dictionary(name)
+        d = opencv_dictionary(name)
         size = d.markerSize
         weights = np.uint64(1) << np.arange(size * size - 1, -1, -1, dtype=np.uint64)
         bits = np.stack([cv2.aruco.Dictionary.getBitsFromByteList(b[None], size) for b in d.bytesList])

@@ -9,10 +9,12 @@ import numpy as np
 from effects.base import highlight_radiance, light_factor
 from gap.predict import windows
 from gap.predict.raster import add_polygons, add_spread_polygons, running_sum
+from rig.discs import ARC_PIECES, lenses, outlines, pieces_of
 from rig.geometry import project, transform
-from rig.plates import black_rectangles
+from rig.plates import cell_rectangles, disc_changes
 
 EDGE_STEP_PX = 8.0  # edges bent by a lens are drawn in straight pieces no longer than this
+DISC_SAGITTA_PX = 0.002  # between a disc and the polygon of its area: under a grey level at the hardest edge
 FARTHEST_GROUND_M = 1e3
 
 
@@ -23,16 +25,44 @@ def rectangle_corners(rectangles):
 
 
 class Prints:
-    """All plates of a scene as polygons in the world: outlines (p, 4, 3) and black areas (n, 4, 3)."""
+    """All plates of a scene in the world: outlines (p, 4, 3), black cells (n, 4, 3) as polygons, and discs that change
+    the colour below them (k, 4) in the frames of their plates, ``plate_of_disc`` (k,), ``T_world_plate`` (p, 4, 4).
+    """
 
     def __init__(self, plates):
-        outlines, blacks = [], []
+        outlines, blacks, discs, shared = [], [], [], []
         for plate in plates:
             outlines.append(plate.outline_world())
-            blacks.append(plate.to_world(rectangle_corners(black_rectangles(plate))))
+            blacks.append(plate.to_world(rectangle_corners(cell_rectangles(plate))))
+            discs.append(disc_changes(plate))
+            shared.append(_shared_areas(plate, discs[-1]))
         self.outlines = np.array(outlines, float).reshape(-1, 4, 3)
         self.blacks = np.concatenate(blacks) if blacks else np.zeros((0, 4, 3))
         self.plate_of_black = np.repeat(np.arange(len(blacks)), [len(b) for b in blacks])
+        self.discs = np.concatenate(discs) if discs else np.zeros((0, 4))
+        self.plate_of_disc = np.repeat(np.arange(len(discs)), [len(d) for d in discs])
+        self.T_world_plate = np.array([plate.T_world_plate for plate in plates]).reshape(-1, 4, 4)
+        self.shared = np.concatenate(shared) if shared else np.zeros((0, 2 * ARC_PIECES, 3))
+        self.plate_of_shared = np.repeat(np.arange(len(shared)), [len(s) for s in shared])
+        self.reach = np.array([[plate.x_m[[0, -1]], plate.y_m[[0, -1]]] for plate in plates]).reshape(-1, 2, 2)
+
+    def disc_polygons(self, which, pieces):
+        """Return the discs of a mask as polygons (n, pieces, 3) in the world, cut at their plates' edges.
+
+        White ones run the other way round: they take from the black that they lie on.
+        """
+        of, discs = self.plate_of_disc[which], self.discs[which]
+        flat = np.clip(outlines(discs, pieces), self.reach[of, None, :, 0], self.reach[of, None, :, 1])
+        flat[discs[:, 3] > 0] = flat[discs[:, 3] > 0][:, ::-1]
+        T = self.T_world_plate[of]
+        return np.einsum("nij,nkj->nki", T[:, :3, :2], flat) + T[:, None, :3, 3]
+
+
+def _shared_areas(plate, discs):
+    """Return what discs of one colour share, polygons (n, 2 ARC_PIECES, 3) in the world that take it off once."""
+    flat, white = lenses(discs)
+    flat[white > 0] = flat[white > 0][:, ::-1]
+    return transform(plate.T_world_plate, np.pad(flat, ((0, 0), (0, 0), (0, 1))))
 
 
 def _subdivide(polygons, pieces):
@@ -128,7 +158,27 @@ def drawn_polygons(prints, view, map_points):
 
     horizon = sky_polygon(view, map_points)
     blacks = prints.blacks[np.isin(prints.plate_of_black, np.flatnonzero(in_view))]
-    return bent(prints.outlines[in_view]), bent(blacks), [] if horizon is None else [horizon]
+    black = bent(blacks) + _disc_parts(prints, in_view, view, map_points)
+    return bent(prints.outlines[in_view]), black, [] if horizon is None else [horizon]
+
+
+def _disc_parts(prints, in_view, view, map_points):
+    """Return the polygons (n, m, 2) of the discs on plates in view, frame pixels, those of one number of corners together."""
+    seen = in_view[prints.plate_of_disc]
+    if not seen.any():
+        return []
+
+    def bent(world):
+        pixels = project(view.K, view.T_cam_world, world)
+        return pixels if map_points is None else map_points(pixels.reshape(-1, 2)).reshape(pixels.shape)
+
+    rough = project(view.K, view.T_cam_world, prints.disc_polygons(seen, 8))
+    radii = np.ptp(rough, axis=1).max(axis=1) / 2
+    pieces = np.zeros(len(seen), int)
+    pieces[seen] = pieces_of(radii, DISC_SAGITTA_PX)
+    parts = [bent(prints.disc_polygons(pieces == count, count)) for count in np.unique(pieces[seen])]
+    shared = prints.shared[in_view[prints.plate_of_shared]]
+    return parts + [bent(shared)] if len(shared) else parts
 
 
 def visible_plates(outlines, view):

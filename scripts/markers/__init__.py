@@ -1,0 +1,1 @@
+"""Marker types: one file a type, found by being there."""
