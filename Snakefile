@@ -58,6 +58,7 @@ for stage in (
     "report",
     "moving",
     "blind_trials",
+    "id_study",
 ):
     if Path(f"rules/{stage}.smk").is_file():
 

@@ -120,6 +120,20 @@ class BlindTrials(Settings):
     seed: str = Field("trials", max_length=64, description="another name gives other trials")
 
 
+class IdStudy(Settings):
+    """All ids of some families through the same views, for `snakemake id_study` (docs/markers.md)."""
+
+    families: list[str] = Field(
+        default_factory=lambda: ["DICT_ARUCO_ORIGINAL", "DICT_5X5_1000"],
+        min_length=1,
+        max_length=50,
+        description="families of markers; all of them are sought in every image",
+    )
+    ids: int | None = Field(None, ge=1, le=1_000_000, description="ids of a family, evenly spread; null: all")
+    views: int = Field(20, ge=1, le=1000, description="views that every id goes through")
+    batch: int = Field(128, ge=1, le=1_000_000, description="ids that one job looks at")
+
+
 class Config(Settings):
     """config.yaml"""
 
@@ -147,6 +161,7 @@ class Config(Settings):
     aggregate: Aggregate = Field(default_factory=Aggregate, description="how detections are counted")
     diagnose: Diagnose = Field(default_factory=Diagnose, description="how the missing effect is searched")
     explore: Explore = Field(default_factory=Explore, description="the page to explore, report/explore.html")
+    id_study: IdStudy = Field(default_factory=IdStudy, description="which ids of a family are safe")
     blind_trials: BlindTrials = Field(default_factory=BlindTrials, description="how the search itself is put to trial")
 
 

@@ -18,9 +18,13 @@ def _code_rectangles(marker):
     return rectangles
 
 
-def target_plate(board):
-    """Return the Plate of a board; its frame: x right, y up, origin at the lower left corner of the squares."""
+def target_plate(board, first_id=0):
+    """Return the Plate of a board; its frame: x right, y up, origin at the lower left corner of the squares.
+
+    first_id  of its markers, which count up from there
+    """
     markers = board_markers(board)
+    markers["id"] += first_id
     codes = [rectangle for m in markers.itertuples() for rectangle in _code_rectangles(m)]
     if board.type == "chessboard":
         nx, ny, side = board.columns + 1, board.rows + 1, board.square_m
