@@ -11,6 +11,7 @@ import logging
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -20,23 +21,28 @@ import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
+import expose_twin  # noqa: E402
 import job  # noqa: E402
-from case_files import load_measured  # noqa: E402
+from case_files import load_measured, load_photographs, read_capture  # noqa: E402
 from diagnose_camera import looked_at, telling_record, verdict_record  # noqa: E402
 from effects import library  # noqa: E402
 from expand_tables import expand_tables  # noqa: E402
+from gap.capture_light import light_of, seen_places  # noqa: E402
 from gap.needs import cannot_tell  # noqa: E402
 from gap.select_effects import verdict  # noqa: E402
-from inputs.campaign import load_campaign  # noqa: E402
+from inputs.campaign import Board, load_campaign  # noqa: E402
 from observe_captures import observe_captures  # noqa: E402
 from record import record  # noqa: E402
 from register_captures import register_captures  # noqa: E402
 from reporting.sentences import effect_words, or_others, plain  # noqa: E402
 from rig.errors import InputError  # noqa: E402
+from rig.geometry import perturb_pose  # noqa: E402
+from rig.light import free_numbers  # noqa: E402
 
 REAL = ROOT.parent / "shared/real"
 TABLE, PAGE = ROOT / "docs/real-photographs.csv", ROOT / "docs/real-photographs.md"
 AT_FLOOR = 1.2
+MOST_DRAWN = 4  # photographs whose grey levels are compared
 COLUMNS = [
     "set",
     "photographs",
@@ -49,6 +55,8 @@ COLUMNS = [
     "not_told",
     "needs",
     "over_opencv",
+    "dn_nominal",
+    "dn_own_light",
     "cpu_s",
 ]
 HEAD = """# Real photographs
@@ -60,6 +68,8 @@ What the program says of sets of photographs by real cameras that others publish
 - **gap**: of left-out photographs, in floors, with the ideal pinhole and with the effects named ([method](method.md)).
 - **left out, over OpenCV**: root mean square of left-out points, over that of OpenCV's calibration with five coefficients, which is
   fitted to the same photographs. Below 1 the twin projects better.
+- **levels off**: root mean square difference, grey levels, of left-out photographs and their twins between the board's outermost
+  points, the median photograph; in the nominal light, and in the light that each photograph's own white and black show.
 - **cannot be told**: effects that would stay unseen at the amount worth naming, and what would show them.
 
 """
@@ -100,8 +110,53 @@ def diagnosed(name, folder):
         "not_told": ", ".join(plain(n) for n in result["not_told"]),
         "needs": "; ".join(sorted({need["text"].partition(": ")[2] for need in result["needs"]})),
         "over_opencv": f"{ours / theirs:.3f}",
+        **grey_levels_off(search, outcome.twin, expand, intrinsics, campaign),
         "cpu_s": f"{time.process_time() - start:.0f}",
     }
+
+
+def grey_levels_off(search, twin, expand, intrinsics, campaign):
+    """Return {column: RMS difference in words} of left-out photographs and their twins inside the board, the median of them.
+
+    By the nominal light and by each photograph's own, with the effects of a Twin and the photograph's own pose.
+    """
+    case, target = search.problem, json.loads((expand / "scene.json").read_text())["target"]
+    images = pd.read_csv(expand / "captures.csv", dtype=str).set_index("capture").image
+    drawn = load_photographs(expand, intrinsics, case.camera, Board.model_validate(target))
+    free, zero, rows = free_numbers(load_campaign(campaign).file.left_open), np.zeros(6), []
+    for i in search.test[:MOST_DRAWN]:
+        capture = replace(drawn.captures[i], view=replace(case.captures[i].view, T_cam_world=moved_pose(case, i, twin)))
+        image, observed = read_capture(campaign, images[capture.view.capture]), case.captures[i].observation.features
+        radiance = drawn.radiance_of(capture, twin.effects, zero)
+        try:
+            lit_radiance = in_own_light(radiance, drawn, capture.view, image, case.points, observed, free)
+        except ValueError:
+            continue  # too little of the board is seen
+        inside = board_mask(case.points, observed, image.shape)
+        shown = (drawn.image_of(r, capture, twin.effects, zero) for r in (radiance, lit_radiance))
+        rows.append([np.sqrt(np.mean((image[inside] - twin_image[inside]) ** 2)) for twin_image in shown])
+    off = np.median(rows, axis=0) if rows else [np.nan] * 2
+    return {name: f"{value:.1f}" for name, value in zip(("dn_nominal", "dn_own_light"), off, strict=True)}
+
+
+def moved_pose(case, i, twin):
+    """Return T_cam_world of photograph i in a Twin."""
+    return perturb_pose(case.captures[i].view.T_cam_world, twin.poses[i])
+
+
+def in_own_light(radiance, drawn, view, image, points, pixels, free):
+    """Return a twin's radiance (H + 2m, W + 2m, 1) in the light that a photograph shows of its board."""
+    scene, lut = drawn.scene, drawn.codes.lut
+    levels, white, xy = seen_places(scene.plates[0], points, pixels, image)
+    shown = np.interp(levels, lut, np.linspace(0, 1, len(lut)))
+    light = light_of(shown, np.where(white, scene.white, scene.black), *drawn.place(*xy.T), free)
+    return expose_twin.in_own_light(radiance[..., 0], light, view, drawn.place)
+
+
+def board_mask(points, pixels, shape):
+    """Return which pixels (H, W) lie within the outermost points that a photograph shows of a board."""
+    hull = cv2.convexHull(pixels[np.isfinite(pixels).all(1)].astype(np.float32)).round().astype(np.int32)
+    return cv2.fillConvexPoly(np.zeros(shape[:2], np.uint8), hull, 1) > 0
 
 
 def left_out_px(search, twin):
@@ -155,6 +210,8 @@ def page(table):
             "not_told": "cannot be told",
             "needs": "what would tell",
             "over_opencv": "left out, over OpenCV",
+            "dn_nominal": "levels off, nominal light",
+            "dn_own_light": "levels off, own light",
             "cpu_s": "CPU, s",
         }
     )
