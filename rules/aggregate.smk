@@ -50,6 +50,7 @@ rule make_tables:
             table=["table1", "table2"],
             suffix=["csv", "md", "tex"],
         ),
+        f"{RESULTS}/tables/table2_by_type.csv",
         f"{RESULTS}/tables/headlines.json",
     log:
         f"{RESULTS}/logs/make_tables.log",
@@ -62,6 +63,7 @@ rule make_tables:
         runtime=runtime_of("make_tables"),
     params:
         reference=config["aggregate"]["reference_detector"],
+        read=families_read(),
         pins=locked("numpy", "scipy", "pandas"),
     message:
         "Writing Tables 1 and 2"

@@ -373,6 +373,12 @@ def checked_finders(markers):
         end_with(error)
 
 
+def families_read():
+    """Return {detector: families of the rig's markers that it reads}."""
+    families = sorted(set(SOURCE.markers.dictionary))
+    return {n: [f for f in families if contract.reads(n, f)] for n in DETECTORS}
+
+
 def detector_packages(wildcards):
     """Return {package: version} that one detector needs besides the others' environment."""
     return locked(*contract.needs_of(wildcards.detector).values())

@@ -48,6 +48,7 @@ TABLE1 = columns_of(["camera", *MEASURES, "n_markers"])
 TABLE1.append("algorithm")
 TABLE2 = columns_of(["camera", "algorithm", *MEASURES, "n_markers", "false_ids"])
 TABLE2.append("false_ids_twin")
+BY_TYPE = [*TABLE2[:2], "dictionary", *TABLE2[2:]]
 
 
 def share(row, name, part, whole):
@@ -111,6 +112,20 @@ def make_table2(cells, false_ids, campaign):
     table = pd.DataFrame(rows, columns=TABLE2)
     whole = ["n_markers", "false_ids", "false_ids_twin", *COUNTS]
     return table.astype(dict.fromkeys(whole, "Int64"))
+
+
+def make_by_type(cells, false_ids, campaign, read):
+    """Return Table 2 for each family of markers by itself: a row per camera, algorithm and family that it reads, BY_TYPE columns.
+
+    read  {algorithm: families that it reads}
+    """
+    parts = [
+        make_table2(mine, false_ids[false_ids.dictionary == family], f"{campaign} {family}").assign(dictionary=family)
+        for family, mine in cells.groupby("dictionary", sort=True)
+    ]
+    table = pd.concat(parts) if parts else pd.DataFrame(columns=BY_TYPE)
+    able = [d in read.get(a, ()) for a, d in zip(table.algorithm, table.dictionary, strict=True)]
+    return table[np.array(able, bool)].sort_values(["camera", "algorithm", "dictionary"], ignore_index=True)[BY_TYPE]
 
 
 def make_table1(table2, reference):
@@ -248,11 +263,13 @@ def headlines_of(table1):
     return [headline(row) for row in table1.itertuples()]
 
 
-def make_tables(cells_file, false_ids_file, scene_file, reference, tables):
-    """Write Tables 1 and 2 and the headlines, a JSON list of sentences.
+def make_tables(cells_file, false_ids_file, scene_file, reference, tables, read=None):
+    """Write Tables 1 and 2, Table 2 by families of markers, and the headlines, a JSON list of sentences.
 
     reference  detector whose rows are Table 1
-    tables  dict of paths by file name: ``table1.csv``, ``.md``, ``.tex``, so for table2, ``headlines.json``
+    tables  dict of paths by file name: ``table1.csv``, ``.md``, ``.tex``, so for table2, ``headlines.json``; where ``read``
+            is given ``table2_by_type.csv``
+    read    {detector: families of markers that it reads}
     """
     cells, false_ids = pd.read_parquet(cells_file), pd.read_parquet(false_ids_file)
     scene = json.loads(Path(scene_file).read_text())
@@ -279,6 +296,10 @@ def make_tables(cells_file, false_ids_file, scene_file, reference, tables):
         for suffix, form in (("md", markdown), ("tex", latex)):
             with job.write_atomically(tables[f"{name}.{suffix}"]) as file:
                 file.write(form(headings, rows, captions[name], notes))
+    if read is not None:
+        by_type = make_by_type(cells, false_ids, scene.get("name", ""), read)
+        with job.write_atomically(tables["table2_by_type.csv"]) as file:
+            by_type.to_csv(file, index=False, lineterminator="\n")
     with job.write_atomically(tables["headlines.json"]) as file:
         json.dump(headlines_of(table1), file, ensure_ascii=False, indent=1)
         file.write("\n")
@@ -293,4 +314,5 @@ if __name__ == "__main__":
         scene_file=snakemake.input.scene,
         reference=snakemake.params.reference,
         tables={Path(path).name: path for path in snakemake.output},
+        read=snakemake.params.read,
     )

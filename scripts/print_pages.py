@@ -11,7 +11,7 @@ import matplotlib
 import numpy as np
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
-from matplotlib.patches import PathPatch
+from matplotlib.patches import Circle, PathPatch
 from matplotlib.path import Path as Outline
 
 from rig.errors import InputError
@@ -97,6 +97,9 @@ def _page(items, description, paper):
     axes.set_axis_off()
     for plate, place, name in items:
         axes.add_patch(_black(plate, place))
+        for x, y, radius, white in plate.discs:
+            middle, colour = 1000 * np.array([x, y]) + place, "white" if white else "black"
+            axes.add_patch(Circle(middle, 1000 * radius, facecolor=colour, linewidth=0, antialiased=True))
         if name:
             _cut_out(axes, plate, place, name)
     _ruler(axes, description, width)

@@ -83,6 +83,10 @@ def readers(names, families, where):
     Raises InputError for a family that none of them reads, saying who does.
     """
     for family in families:
+        try:
+            opencv_dictionary(family)
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from None
         if not any(reads(name, family) for name in names):
             others = [name for name in available() if reads(name, family)]
             hint = f"; {', '.join(others)} would" if others else ""

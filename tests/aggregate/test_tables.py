@@ -2,10 +2,12 @@
 
 import json
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from aggregate.small_campaign import detection, markers, write, write_tables
+from make_tables import make_by_type
 
 HALF_MARKER_PX = 25.0
 
@@ -170,3 +172,34 @@ def test_table_1_is_of_the_configured_detector(tmp_path):
     arguments["detections"].append(other)
     *_, table1, table2 = write_tables(tmp_path, arguments, reference="bart")
     assert list(table1.algorithm) == ["bart"] and list(table2.algorithm) == ["aruco", "bart"]
+
+
+def test_table_2_by_type_holds_what_a_detector_reads():
+    """Fails if a family that a detector does not read counts against it, or if families are counted together."""
+    rows = [("DICT_4X4_50", True), ("DICT_4X4_50", False), ("STAG_HD21", True)]
+    nothing = dict.fromkeys(("range_m", "delta_distance_m", "rotation_deg"), np.nan)
+    cells = pd.DataFrame(
+        [
+            {
+                "camera": "left",
+                "detector": name,
+                "capture": "a",
+                "dictionary": family,
+                "id": k,
+                "has_real": False,
+                **nothing,
+            }
+            | {"available": True, "real": False, "twin": found and name != "stag", "paired": False, "flipped": False}
+            for name in ("aruco", "stag")
+            for k, (family, found) in enumerate(rows)
+        ]
+    )
+    false_ids = pd.DataFrame(
+        [["left", "aruco", "twin", "DICT_4X4_50"]], columns=["camera", "detector", "source", "dictionary"]
+    )
+    table = make_by_type(cells, false_ids, "x", {"aruco": ["DICT_4X4_50"], "stag": ["STAG_HD21"]})
+    columns = ["algorithm", "dictionary", "n_markers", "coverage_twin_pct", "false_ids_twin"]
+    assert table[columns].to_numpy().tolist() == [
+        ["aruco", "DICT_4X4_50", 2, 50.0, 1],
+        ["stag", "STAG_HD21", 1, 0.0, 0],
+    ]

@@ -9,6 +9,7 @@ import pypdfium2
 import pytest
 
 import print_board
+from detectors import contract
 from inputs.experiment import rig_markers
 from print_pages import PAPERS, RIM_MM, RULER_MM
 from register.boards import find_board
@@ -119,3 +120,20 @@ def test_a_table_of_any_name_is_printed(tmp_path, name):
     (tmp_path / name).write_text(MARKERS)
     print_board.main(["markers", str(tmp_path / name), "--out", str(tmp_path / "out.pdf"), "--paper", "a4"])
     assert (tmp_path / "out_a4.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_plates_of_any_type_are_printed_as_they_are_drawn(tmp_path):
+    """Fails if discs are left out of the print, or lie elsewhere than the tracker that reads them finds their square."""
+    pytest.importorskip("stag", reason="optional extra 'trackers' is not installed")
+    rows = {"STAG_HD21": ("stag", 0.07), "CIRCLES_4X11_60": ("opencv_circles", 0.08)}
+    ladders = [
+        f"{{dictionary: {family}, plates: 1, columns_x_m: [0.0], first_y_m: 0.3, step_y_m: 0.2, code_m: {code_m}}}"
+        for family, (_, code_m) in rows.items()
+    ]
+    (tmp_path / "rig.yaml").write_text("ladders:\n" + "".join(f"  - {ladder}\n" for ladder in ladders))
+    print_board.main(["rig", str(tmp_path / "rig.yaml"), "--out", str(tmp_path / "p.pdf"), "--paper", "a4"])
+    (page,) = pages(tmp_path / "p_a4.pdf")
+    for family, (tracker, code_m) in rows.items():
+        (found,) = contract.make(tracker, [family]).detect(page)
+        sides = np.linalg.norm(found.corners - np.roll(found.corners, 1, axis=0), axis=1)
+        np.testing.assert_allclose(sides, 1000 * code_m * PX_PER_MM, rtol=0.005)
