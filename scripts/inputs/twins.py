@@ -1,12 +1,12 @@
 """The twin of a camera, config/twins/<campaign>/<camera>.yaml: the effects that were adopted, for people to edit."""
 
-import math
 import re
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 from effects import library, pipeline
-from inputs.safe_yaml import load_yaml
+from inputs.safe_yaml import LONGEST_SHOWN, load_yaml
 from rig.errors import InputError
 
 FIT = "fit"
@@ -103,9 +103,13 @@ def _effect(where, entry):
         if value == FIT and not p.is_choice:
             fitted.append(key)
             value = start[key]
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, int | float)
+            or not -sys.float_info.max < value < sys.float_info.max
+        ):
             wanted = "a whole number" if p.is_choice else f"a number in {p.unit} or `{FIT}`"
-            raise InputError(f"{where}: {name}.{key} is {value!r}; {wanted} is needed")
+            raise InputError(f"{where}: {name}.{key} is {value!r:.{LONGEST_SHOWN}}; {wanted} is needed")
         if not p.lower <= value <= p.upper:
             raise InputError(f"{where}: {name}.{key} is {value:g} {p.unit}; allowed are {p.lower:g} to {p.upper:g}")
         if p.is_choice and value != int(value):

@@ -128,6 +128,7 @@ ENTRY = "effects:\n  - effect: lens_blur\n    parameters: {sigma_px: 0.8}\n"
         (ENTRY.replace("sigma_px", "sigma_mm"), "no parameter 'sigma_mm'; it has sigma_px"),
         (ENTRY.replace("0.8", "0.8 mm"), "is '0.8 mm'; a number in px"),
         (ENTRY.replace("0.8", ".nan"), "a number in px"),
+        (ENTRY.replace("0.8", "9" * 400), "a number in px"),
         (CURVE, "tone_curve.place is 1.5; a whole number is needed"),
         (CURVE.replace("1.5", "fit"), "tone_curve.place is 'fit'; a whole number is needed"),
         (ENTRY.replace("0.8", "true"), "a number in px"),
