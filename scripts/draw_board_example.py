@@ -2,7 +2,7 @@
 
 As diagnose_camera does for rigs: ``example_real.png``, ``example_configured.png``, ``example_explained.png``, here of the board's
 part of the photograph. The twins are Blender's render of that photograph, moved along the board's plane to the pose and focal
-length that fit the points best with these effects; grey levels are scaled to the photograph's, whose light nobody knows.
+length that fit the points best with these effects, in the photograph's own light where nobody declared it.
 """
 
 import json
@@ -21,10 +21,12 @@ from inputs import tables
 from inputs.campaign import Board, inside
 from inputs.images import read_image
 from inputs.render_store import read_station
+from inputs.scene import load_scene
 from register.boards import LEAST_POINTS
 from register.finders import board_finder
 from rig.errors import InputError
 from rig.geometry import camera_matrix, make_pose, perturb_pose, project
+from rig.light import BoardPlace, in_own_light
 
 NAMES = ("real", "configured", "explained")
 MARGINS = (0.25, 0.6)  # of the longer side, beyond the frame: a lens may look so far
@@ -57,8 +59,11 @@ def fitted_view(view, points, effects):
     return moved(least_squares(misses, np.zeros(7), loss="soft_l1", x_scale=1e-3).x)
 
 
-def drawn(radiance, margin, view, moved, effects):
-    """Return the twin (H, W, C) of a moved View from a render (rows, columns) of another pose: the board's plane is z = 0."""
+def drawn(radiance, margin, view, moved, effects, lit):
+    """Return the twin (H, W, C) of a moved View from a render (rows, columns) of another pose: the board's plane is z = 0.
+
+    ``lit`` (radiance, View with margin) gives it the photograph's own light.
+    """
     H = moved.K @ moved.T_cam_world[:3, [0, 1, 3]] @ np.linalg.inv(view.K @ view.T_cam_world[:3, [0, 1, 3]])
     for share in MARGINS:
         wide = round(share * max(view.width, view.height))
@@ -69,7 +74,8 @@ def drawn(radiance, margin, view, moved, effects):
             radiance, to @ H @ back, size, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
         )
         try:
-            return pipeline.form_image(seen, replace(moved, margin=wide), effects, None)
+            wider = replace(moved, margin=wide)
+            return pipeline.form_image(lit(seen, wider), wider, effects, None)
         except InputError:  # the lens looks farther
             if share == MARGINS[-1]:
                 raise
@@ -84,20 +90,19 @@ def board_part(points, size):
     return slice(y0, y1), slice(x0, x1)
 
 
-def like_photograph(twins, real, inside_board):
-    """Return twins (H, W, 3) with the last one's grey levels scaled to a photograph's (H, W, 3) within a mask, by channel."""
-    scaled = [np.repeat(t, 3, axis=2) if t.shape[2] == 1 else t.copy() for t in twins]
-    for channel in range(3):
-        slope, offset = np.polyfit(scaled[-1][inside_board, channel], real[inside_board, channel], 1)
-        for twin in scaled:
-            twin[..., channel] = slope * twin[..., channel] + offset
-    return scaled
+def in_light_of(lights, capture, plate):
+    """Return a function (radiance, View) that gives a board's radiance the own light of a capture, if that is known."""
+    if capture not in lights:
+        return lambda radiance, view: radiance
+    place = BoardPlace(plate)
+    return lambda radiance, view: in_own_light(radiance, lights[capture], view, place)
 
 
-def draw_board_example(expand, register_csv, register_json, manifest, campaign, camera, verdict, out):
+def draw_board_example(expand, register_csv, register_json, manifest, light, campaign, camera, verdict, out):
     """Write the three images, a path each in ``out`` by NAMES; black squares where no photograph shows the board.
 
-    The photograph is the one of those held out that the ideal pinhole fits worst.
+    The photograph is the one of those held out that the ideal pinhole fits worst. ``light`` is the table of the captures' own
+    lights, None where it is declared.
     """
     expand = Path(expand)
     facts = json.loads((expand / "scene.json").read_text())
@@ -106,7 +111,8 @@ def draw_board_example(expand, register_csv, register_json, manifest, campaign, 
     held = registered[registered.capture.isin(verdict.get("held_out", [])) & (registered.status == "registered")]
     row = held.loc[held.rms_px.idxmax()] if len(held) else None
     images = [np.zeros((8, 8, 3))] * 3 if row is None else _images(
-        facts, register_json, manifest, record, expand, campaign, camera, row, twins_of(verdict)
+        facts, register_json, manifest, record, expand, campaign, camera, row, twins_of(verdict),
+        tables.read_lights(light) if light else {},
     )  # fmt: skip
     for name, image in zip(NAMES, images, strict=True):
         pixels = np.clip(np.rint(image), 0, 255).astype(np.uint8)[..., ::-1]
@@ -114,7 +120,7 @@ def draw_board_example(expand, register_csv, register_json, manifest, campaign, 
             file.write(cv2.imencode(".png", pixels)[1].tobytes())
 
 
-def _images(facts, register_json, manifest, record, expand, campaign, camera, row, twins):
+def _images(facts, register_json, manifest, record, expand, campaign, camera, row, twins, lights):
     """Return the photograph's board part and the two twins' (H, W, 3), red first."""
     captures = tables.read_table(expand / "captures.csv", tables.CAPTURES).set_index("capture")
     intrinsics = json.loads(Path(register_json).read_text())
@@ -130,11 +136,10 @@ def _images(facts, register_json, manifest, record, expand, campaign, camera, ro
     points = max(board_finder(Board.model_validate(facts["target"]))(image), key=lambda p: len(p.image))
     if len(points.image) < LEAST_POINTS:
         return [np.zeros((8, 8, 3))] * 3
-    drawn_twins = [drawn(radiance, margin, view, fitted_view(view, points, e), e) for e in twins]
-    mask = np.zeros(real.shape[:2], np.uint8)
-    cv2.fillConvexPoly(mask, cv2.convexHull(points.image.astype(np.float32)).astype(np.int32), 1)
+    lit = in_light_of(lights, row.capture, load_scene(expand).plates[0])
+    drawn_twins = [drawn(radiance, margin, view, fitted_view(view, points, e), e, lit) for e in twins]
     part = board_part(points, size)
-    return [i[part] for i in (real, *like_photograph(drawn_twins, real, mask > 0))]
+    return [np.broadcast_to(i, real.shape)[part] for i in (real, *drawn_twins)]
 
 
 if __name__ == "__main__":
@@ -145,6 +150,7 @@ if __name__ == "__main__":
         register_csv=snakemake.input.register,
         register_json=snakemake.input.register_json,
         manifest=snakemake.input.manifest,
+        light=snakemake.input.get("light") or None,
         campaign=snakemake.params.campaign,
         camera=snakemake.wildcards.camera,
         verdict=snakemake.input.verdict,

@@ -20,7 +20,7 @@ from inputs import tables
 from inputs.render_store import read_station
 from inputs.scene import load_scene
 from rig.geometry import camera_matrix, make_pose
-from rig.light import LIGHT, BoardPlace, lit
+from rig.light import BoardPlace, in_own_light
 from whole_folder import whole_folder
 
 log = logging.getLogger("twingap")
@@ -45,26 +45,6 @@ def views_of(expand, register_json, camera, poses):
         )  # fmt: skip
 
 
-def in_own_light(radiance, light, view, place):
-    """Return the radiance (H + 2m, W + 2m, 3) of a render (H + 2m, W + 2m) in a capture's LIGHT (11,).
-
-    ``place`` is the BoardPlace of the board, whose plane is z = 0.
-    """
-    rows, columns = np.indices(radiance.shape[:2], np.float32) - np.float32(view.margin)
-    H = np.linalg.inv(view.K @ view.T_cam_world[:3, [0, 1, 3]]).astype(np.float32)
-    u, v, w = (H[k, 0] * columns + H[k, 1] * rows + H[k, 2] for k in range(3))
-    w = np.where(np.abs(w) > 1e-6, w, np.float32(1e-6))  # the board's horizon: nothing of it is there
-    return lit(radiance[..., None], light, *place(u / w, v / w))
-
-
-def lights_of(table):
-    """Return {capture: LIGHT (11,)} of a table of them, without those of which too little was seen; none where it is None."""
-    if not table:
-        return {}
-    known = tables.read_table(table, tables.LIGHTS).dropna().set_index("capture")
-    return {capture: row.to_numpy(float) for capture, row in known[list(LIGHT)].iterrows()}
-
-
 def declared_of(table):
     """Return {capture: [(effect, parameters)]} of what photographs' files say of themselves; empty where the table is None."""
     if not table:
@@ -85,7 +65,7 @@ def expose_twin(expand, register_json, manifest, light, files, camera, effects, 
     facts = json.loads((expand / "scene.json").read_text())
     poses = {s: make_pose(e["pose"][:3], e["pose"][3:]) for s, e in record["stations"].items()}
     chosen = [(n, p) for n, p in effects]
-    lights, declared = lights_of(light), declared_of(files)
+    lights, declared = tables.read_lights(light) if light else {}, declared_of(files)
     place = BoardPlace(load_scene(expand).plates[0]) if lights else None
     with whole_folder(out) as folder:
         views = list(views_of(expand, register_json, camera, poses))

@@ -95,6 +95,12 @@ def read_table(path, schema):
     return _checked(table, path, schema)
 
 
+def read_lights(path):
+    """Return {capture: LIGHT (11,)} of a table of LIGHTS, without captures of which too little was seen."""
+    known = read_table(path, LIGHTS).dropna().set_index("capture")
+    return {capture: row.to_numpy(float) for capture, row in known[list(LIGHT)].iterrows()}
+
+
 def write_table(table, path, schema):
     """Check a table and write it as CSV, atomically, floats at full precision."""
     checked = _checked(table, path, schema)

@@ -40,6 +40,18 @@ def lit(radiance, light, X, Y):
     return np.stack(planes, axis=-1).astype(radiance.dtype)
 
 
+def in_own_light(radiance, light, view, place):
+    """Return the radiance (H + 2m, W + 2m, 3) of a render (H + 2m, W + 2m) in a capture's LIGHT (11,).
+
+    ``place`` is the BoardPlace of the board, whose plane is z = 0.
+    """
+    rows, columns = np.indices(radiance.shape[:2], np.float32) - np.float32(view.margin)
+    H = np.linalg.inv(view.K @ view.T_cam_world[:3, [0, 1, 3]]).astype(np.float32)
+    u, v, w = (H[k, 0] * columns + H[k, 1] * rows + H[k, 2] for k in range(3))
+    w = np.where(np.abs(w) > 1e-6, w, np.float32(1e-6))  # the board's horizon: nothing of it is there
+    return lit(radiance[..., None], light, *place(u / w, v / w))
+
+
 def free_numbers(left_open):
     """Return which numbers of LIGHT (11,) are unknown in a campaign that leaves some things open."""
     return np.array([any(name in LEFT_OPEN[key] for key in left_open) for name in LIGHT])

@@ -21,7 +21,6 @@ import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
-import expose_twin  # noqa: E402
 import job  # noqa: E402
 from case_files import load_measured, load_photographs, read_capture  # noqa: E402
 from diagnose_camera import looked_at, telling_record, verdict_record  # noqa: E402
@@ -37,7 +36,7 @@ from register_captures import register_captures  # noqa: E402
 from reporting.sentences import effect_words, or_others, plain  # noqa: E402
 from rig.errors import InputError  # noqa: E402
 from rig.geometry import perturb_pose  # noqa: E402
-from rig.light import free_numbers  # noqa: E402
+from rig.light import free_numbers, in_own_light  # noqa: E402
 
 REAL = ROOT.parent / "shared/real"
 TABLE, PAGE = ROOT / "docs/real-photographs.csv", ROOT / "docs/real-photographs.md"
@@ -129,7 +128,7 @@ def grey_levels_off(search, twin, expand, intrinsics, campaign):
         image, observed = read_capture(campaign, images[capture.view.capture]), case.captures[i].observation.features
         radiance = drawn.radiance_of(capture, twin.effects, zero)
         try:
-            lit_radiance = in_own_light(radiance, drawn, capture.view, image, case.points, observed, free)
+            lit_radiance = in_light_of(radiance, drawn, capture.view, image, case.points, observed, free)
         except ValueError:
             continue  # too little of the board is seen
         inside = board_mask(case.points, observed, image.shape)
@@ -144,13 +143,13 @@ def moved_pose(case, i, twin):
     return perturb_pose(case.captures[i].view.T_cam_world, twin.poses[i])
 
 
-def in_own_light(radiance, drawn, view, image, points, pixels, free):
+def in_light_of(radiance, drawn, view, image, points, pixels, free):
     """Return a twin's radiance (H + 2m, W + 2m, 1) in the light that a photograph shows of its board."""
     scene, lut = drawn.scene, drawn.codes.lut
     levels, white, xy = seen_places(scene.plates[0], points, pixels, image)
     shown = np.interp(levels, lut, np.linspace(0, 1, len(lut)))
     light = light_of(shown, np.where(white, scene.white, scene.black), *drawn.place(*xy.T), free)
-    return expose_twin.in_own_light(radiance[..., 0], light, view, drawn.place)
+    return in_own_light(radiance[..., 0], light, view, drawn.place)
 
 
 def board_mask(points, pixels, shape):
