@@ -16,6 +16,7 @@ HEAD, ROW = "capture,station,n_markers,rms_px\n", "a,h1,3,0.1\n"
         (HEAD + ROW + "b,h1,3,0.1,7\n", "not a CSV table"),
         (HEAD + ROW + "b,h1,many,0.1\n", "n_markers"),
         (HEAD + 2 * ROW, "capture"),
+        (HEAD.strip() * 400 + "\n" + ROW, "columns; there are 4"),  # would take minutes to check
         ("", "not a CSV table"),
     ],
 )

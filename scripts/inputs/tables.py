@@ -8,6 +8,7 @@ from rig.errors import InputError
 from rig.light import LIGHT
 
 TEXT, REAL, WHOLE = str, float, int
+MOST_COLUMNS = 1000  # no table has a tenth of it; checking as many takes minutes
 
 
 def _columns(kind, names, nullable=False):
@@ -84,6 +85,10 @@ DETECTION_TIMES = pa.DataFrameSchema(_columns(TEXT, ["source", "capture"]) | _co
 def read_table(path, schema):
     """Return a table as the schema has it; raises InputError naming file and column where it is not."""
     text = {name: str for name, c in schema.columns.items() if c.dtype and "str" in str(c.dtype)}
+    with open(path, "rb") as file:
+        columns = file.readline().count(b",") + 1
+    if columns > MOST_COLUMNS:
+        raise InputError(f"{path}: {columns} columns; there are {len(schema.columns)} in such a table")
     try:
         table = pd.read_csv(path, dtype=text, keep_default_na=True)
     except (ValueError, pd.errors.ParserError) as error:  # also of what is no UTF-8, or empty
