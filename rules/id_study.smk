@@ -6,46 +6,6 @@ Needs: the configuration. Makes: results/id_study/ (ids.csv, families.csv, confu
 readings/, what each detector said of each view. No Blender: the fit's own drawing, which tests hold to Blender's renders.
 """
 
-STUDY_FOLDER = "results/id_study"
-STUDY = config["id_study"]
-
-
-def studied_ids(family):
-    """Return the ids of a family that are studied: all, or as many as configured, evenly spread."""
-    count = marker_types.count_of(family)
-    wanted = min(STUDY["ids"] or count, count)
-    return sorted({k * count // wanted for k in range(wanted)})
-
-
-def study_batch(wildcards):
-    """Return the ids of a job."""
-    first = int(wildcards.batch) * STUDY["batch"]
-    return studied_ids(wildcards.family)[first : first + STUDY["batch"]]
-
-
-def study_readings(wildcards):
-    """Return the readings of all batches; end with one message where a family is unknown or nobody reads it."""
-    try:
-        contract.readers(
-            sorted(config["detectors"]),
-            STUDY["families"],
-            "configuration: id_study.families",
-        )
-    except InputError as error:
-        end_with(error)
-    files = []
-    for family in STUDY["families"]:
-        batches = -(-len(studied_ids(family)) // STUDY["batch"])
-        files += [f"{STUDY_FOLDER}/readings/{family}/{k}.csv" for k in range(batches)]
-    return files
-
-
-def study_detector_code(wildcards):
-    """Return the files of all configured detectors and of what they import."""
-    return sorted(
-        {path for name in config["detectors"] for path in code_of_detector(name)}
-    )
-
 
 rule id_study:
     input:

@@ -15,6 +15,9 @@ PARAMETERS = {
 }
 
 
+LEAST_PX, MOST_PAPERS = 24, 8  # side of an image or paper; bright regions that are looked at
+
+
 class CircleGridDetector:
     """cv2.findCirclesGrid, one grid a family."""
 
@@ -28,19 +31,36 @@ class CircleGridDetector:
     def detect(self, image):
         """Return the Detections of an image (grey or colour, see contract.grey_image)."""
         grey = grey_image(image)
-        if min(grey.shape) < 24:
+        if min(grey.shape) < LEAST_PX:
             return []
-        found = []
-        for family in self.families:
-            columns, rows = map(int, PATTERN.fullmatch(family).groups()[:2])
+        papers = _papers(grey)
+        return [found for family in self.families if (found := self._find(grey, papers, family)) is not None]
+
+    def _find(self, grey, papers, family):
+        """Return the Detection of a family's grid on one of the papers (boxes), None where none shows it."""
+        columns, rows = map(int, PATTERN.fullmatch(family).groups()[:2])
+        for x, y, width, height in papers:
+            part = np.ascontiguousarray(grey[y : y + height, x : x + width])
             seen, pixels = cv2.findCirclesGrid(
-                grey, (columns, rows), flags=cv2.CALIB_CB_ASYMMETRIC_GRID, blobDetector=self.blobs
+                part, (columns, rows), flags=cv2.CALIB_CB_ASYMMETRIC_GRID, blobDetector=self.blobs
             )
             if seen:
-                H, _ = cv2.findHomography(centres_of(family)[0], pixels.reshape(-1, 2))
+                H, _ = cv2.findHomography(centres_of(family)[0], pixels.reshape(-1, 2) + [x, y])
                 square = np.array([[[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]])
-                found.append(Detection(family, 0, cv2.perspectiveTransform(square, H)[0]))
-        return found
+                return Detection(family, 0, cv2.perspectiveTransform(square, H)[0])
+        return None
+
+
+def _papers(grey):
+    """Return the boxes (x, y, width, height) in which a grid is sought: the image, then each bright region, the largest first.
+
+    OpenCV gives up where other dark spots lie about: a grid has a paper of its own.
+    """
+    _, bright = cv2.threshold(grey, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
+    _, _, stats, _ = cv2.connectedComponentsWithStats(bright)
+    boxes = [tuple(map(int, s[:4])) for s in sorted(stats[1:].tolist(), key=lambda s: -s[cv2.CC_STAT_AREA])]
+    large = [box for box in boxes if min(box[2:]) >= LEAST_PX]
+    return [(0, 0, grey.shape[1], grey.shape[0]), *large[:MOST_PAPERS]]
 
 
 def reads(family):

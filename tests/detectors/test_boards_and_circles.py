@@ -48,6 +48,15 @@ def test_an_object_is_found_whole_in_one_order(family):
     assert detector.detect(np.full((100, 100), 90, np.uint8)) == []
 
 
+def test_a_circle_grid_is_found_beside_other_spots():
+    """Fails if spots elsewhere in the image, such as another marker's bits, hide a grid."""
+    image, corners = seen("CIRCLES_4X11_60", 0.1, 0, 55)
+    other, _ = seen("STAG_HD21", 0.3, 2)
+    both = np.concatenate([other, np.full((400, 10), 90, np.uint8), image], axis=1)
+    (found,) = contract.make("opencv_circles", ["CIRCLES_4X11_60"]).detect(both)
+    assert np.abs(found.corners - [410, 0] - corners).max() < 0.6
+
+
 def test_a_board_hidden_in_part_is_still_found_and_a_rest_of_it_is_not():
     """Fails if a board needs all its markers, or if two of them are enough for corners far away from them."""
     family = "CHARUCO_7X5_75_DICT_5X5_100"

@@ -6,7 +6,7 @@ import pytest
 
 from workflow_runs import copy_project, snakemake
 
-CAMERA = "width: 240\nheight: 180\nfov_deg: 60\nfov_axis: horizontal\n"
+CAMERA = "width: 480\nheight: 360\nfov_deg: 60\nfov_axis: horizontal\n"
 EXPERIMENT = "name: mixed\ncameras: {small: small.yaml}\nrig: mixed.yaml\nheights_m: [0.3]\ntilts_deg: [45]\n"
 RIG = """ladders:
   - {dictionary: STAG_HD21, plates: 1, columns_x_m: [-0.13], first_y_m: 0.3, step_y_m: 0.2, code_m: 0.09, plate_m: 0.12}
