@@ -47,9 +47,11 @@ environment: $(UV)
 		&& cp $(LOCK) $(INSTALLED); }
 
 # A pull that was killed leaves the file that it was copying, and the next one asks what to do with it.
+# A pull that was killed makes DVC's next one fail, once.
+PULL := $(BIN)/dvc pull --quiet --remote embedded data/raw/frame.dvc data/raw/aruco6x6_gridboard.dvc
 data: environment
 	@find data/raw -name '.??????????????????????.tmp' -delete
-	@$(BIN)/dvc pull --quiet --remote embedded data/raw/frame.dvc data/raw/aruco6x6_gridboard.dvc
+	@$(PULL) 2> /dev/null || $(PULL)
 
 test: environment data
 	$(BIN)/python -m pytest
