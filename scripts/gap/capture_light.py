@@ -94,7 +94,7 @@ def board_map(points, pixels):
 def seen_places(plate, points, pixels, image):
     """Return (levels (n, 3), is white (n,), xy (n, 2) metres) of places well inside a board's cells that a photograph shows.
 
-    plate is the nominal board's, points (p, 3) and pixels (p, 2) of it as found, image (H, W, 3) grey levels. Empty where too
+    plate is the nominal board's, points (p, 3) and pixels (p, 2) of it as found, image (H, W, 1 or 3) grey levels. Empty where too
     little of the board is seen.
     """
     found = board_map(points, pixels)
@@ -115,7 +115,8 @@ def seen_places(plate, points, pixels, image):
         if min((colour[inside] == white).sum() for white in (True, False)) >= FEWEST_PLACES:
             break
     u, v = here[inside].round().astype(int).T
-    return image[v, u].reshape(-1, image.shape[2]), colour[inside], xy[inside]
+    levels = np.broadcast_to(image[v, u], (len(u), 3))  # grey images have one channel
+    return levels, colour[inside], xy[inside]
 
 
 def _is_even(plate, xy, clear_m):

@@ -61,6 +61,17 @@ def test_what_is_declared_stays(key):
     assert (found[~free] == 0).all() and (found[free] != 0).any()
 
 
+def test_a_grey_photograph_has_a_light_without_colour():
+    """Fails if photographs of one channel end in a traceback, or in a coloured light."""
+    image, points, pixels = photograph(24)
+    shown, white, xy = seen_places(PLATE, points, pixels, image[..., 1:2])
+    found = light_of(shown, np.where(white, WHITE, BLACK), *BoardPlace(PLATE)(*xy.T), EVERYTHING)
+    np.testing.assert_allclose(
+        [found[LIGHT.index(n)] for n in ("red", "blue", "stray_red", "stray_blue")], 0, atol=1e-3
+    )
+    assert found[0] == pytest.approx(np.log(0.5), abs=0.03)
+
+
 def test_a_board_that_is_hardly_seen_has_no_light():
     """Fails if a light is made up of a handful of pixels."""
     image, points, pixels = photograph(2)
