@@ -94,8 +94,8 @@ def board_map(points, pixels):
 def seen_places(plate, points, pixels, image):
     """Return (levels (n, 3), is white (n,), xy (n, 2) metres) of places well inside a board's cells that a photograph shows.
 
-    plate is the nominal board's, points (p, 3) and pixels (p, 2) of it as found, image (H, W, 1 or 3) grey levels. Empty where too
-    little of the board is seen.
+    plate is the nominal board's, points (p, 3) and pixels (p, 2) of it as found, image (H, W, 1 or 3) grey levels. Empty
+    where too little of the board is seen.
     """
     found = board_map(points, pixels)
     if found is None:
