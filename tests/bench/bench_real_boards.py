@@ -224,6 +224,7 @@ def figures(table):
     lensed = ["chess_opencv_left", "chess_gopro_wide", "charuco_screen_wide"]
     straight = ["chess_studio_control", "aruco6x6_gridboard"]
     first = done.set_index("set").effects
+    lensed, straight = ([n for n in names if n in first.index] for names in (lensed, straight))
     right = sum(first.get(n, "").startswith("radial distortion") for n in lensed)
     clean = sum(not {"distortion", "shutter"} & set(first.get(n, "lens distortion").split()) for n in straight)
     return [
