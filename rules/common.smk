@@ -358,11 +358,14 @@ def detector_parameters(wildcards):
     return config["detectors"][wildcards.detector]
 
 
+def code_of_detectors(names):
+    """Return the files of some detectors and of what they import."""
+    return sorted({path for name in set(names) for path in code_of_detector(name)})
+
+
 def finder_code(wildcards):
     """Return the code of the detectors that find the rig's markers where OpenCV can't, whatever is configured."""
-    return sorted(
-        {path for name in set(FINDERS.values()) for path in code_of_detector(name)}
-    )
+    return code_of_detectors(FINDERS.values())
 
 
 def checked_finders(markers):
@@ -530,9 +533,7 @@ def study_readings(wildcards):
 
 def study_detector_code(wildcards):
     """Return the files of all configured detectors and of what they import."""
-    return sorted(
-        {path for name in config["detectors"] for path in code_of_detector(name)}
-    )
+    return code_of_detectors(config["detectors"])
 
 
 MOVING = "results/moving/{moving}"

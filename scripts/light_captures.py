@@ -10,11 +10,11 @@ from tqdm import tqdm
 
 import job
 from case_files import read_capture
-from gap.capture_light import light_of, seen_places
+from gap.capture_light import photograph_light
 from gap.problem import encoding_table
 from inputs import tables
 from inputs.scene import load_scene
-from rig.light import LIGHT, BoardPlace, free_numbers
+from rig.light import LIGHT, free_numbers
 
 log = logging.getLogger("twingap")
 
@@ -31,14 +31,11 @@ def light_captures(expand, campaign, camera, observations, out):
     with np.load(observations) as stored:
         points, found = stored["points"], stored["pixels"]
     lut = encoding_table(facts["encoding"], float(facts["exposure"]))
-    place, free = BoardPlace(scene.plates[0]), free_numbers(facts["left_open"])
-    rows = []
+    free, rows = free_numbers(facts["left_open"]), []
     work = list(zip(captures.capture, captures.image, found, strict=True))
     for capture, image, pixels in tqdm(work, desc=f"light of {camera}", unit="image", mininterval=5):
-        levels, white, xy = seen_places(scene.plates[0], points, pixels, read_capture(campaign, image))
-        shown = np.interp(levels, lut, np.linspace(0, 1, len(lut)))
         try:
-            light = light_of(shown, np.where(white, scene.white, scene.black), *place(*xy.T), free)
+            light = photograph_light(read_capture(campaign, image), scene, points, pixels, lut, free)
         except ValueError as why:
             log.info("%s: %s: its twin has the nominal light", capture, why)
             light = np.full(len(LIGHT), np.nan)

@@ -22,7 +22,7 @@ def edge_segments(plates):
         found.append(np.stack([grid[:, :-1][across], grid[:, 1:][across]], axis=1))
         found.append(np.stack([grid[:-1][along], grid[1:][along]], axis=1))
         for flat in built_outlines(plate):
-            rim = transform(plate.T_world_plate, np.pad(flat, ((0, 0), (0, 1))))
+            rim = plate.to_world(flat)
             found.append(np.stack([rim, np.roll(rim, -1, axis=0)], axis=1))
     return np.concatenate(found)
 

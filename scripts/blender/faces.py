@@ -6,7 +6,6 @@ from mathutils import Vector
 from mathutils.geometry import delaunay_2d_cdt
 
 from rig.discs import built_outlines
-from rig.geometry import transform
 
 INSIDE_FACES = 1  # mathutils' word for triangles that lie in one of the faces handed over
 APART = 1e-9  # of half a plate: points nearer to each other are one
@@ -39,5 +38,4 @@ def _cut_faces(plate, cells, white):
     scaled = [Vector(p) for p in ((points - middle) / scale).tolist()]
     made, _, triangles, _, _, origins = delaunay_2d_cdt(scaled, [], faces, INSIDE_FACES, APART)
     flat = np.array([p[:] for p in made]) * scale + middle
-    world = transform(plate.T_world_plate, np.pad(flat, ((0, 0), (0, 1))))
-    return world, [tuple(t) for t in triangles], [bool(colours[max(o)]) for o in origins]
+    return plate.to_world(flat), [tuple(t) for t in triangles], [bool(colours[max(o)]) for o in origins]

@@ -7,6 +7,12 @@ from detectors.contract import Detection, grey_image
 from markers.contract import opencv_dictionary
 
 
+def square_by(H):
+    """Return the corners (4, 2) in pixels of the code's square, its side 1 and y down, by the homography of its plane."""
+    square = np.array([[[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]])
+    return cv2.perspectiveTransform(square, H)[0]
+
+
 class OpenCvDetector:
     """``cv2.aruco.ArucoDetector`` for several dictionaries; the same code serves OpenCV 4 and 5.
 

@@ -6,8 +6,10 @@ The corners are those of the board's square on that plane: a lens that bends lin
 import cv2
 import numpy as np
 
+from detectors._opencv import square_by
 from detectors.contract import Detection, grey_image
 from markers.board import board_of, ids, marker_places
+from rig.plates import aruco_dictionary
 
 PARAMETERS = {
     # Least number of a board's points that have to be seen: fewer read boards that are hidden in part, and scatter more.
@@ -15,8 +17,6 @@ PARAMETERS = {
     # Farthest that a point may lie from the plane of the others, pixels: more bears noise and bent lenses.
     "farthest_px": 3.0,
 }
-
-
 WINDOW = 0.4  # of what a marker leaves of its square: half the side of the window in which a corner is refined
 
 
@@ -29,7 +29,7 @@ class BoardDetector:
         parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
         self.finders = {}
         for family in families:
-            dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board_of(family).dictionary))
+            dictionary = aruco_dictionary(board_of(family).dictionary)
             self.finders[family] = cv2.aruco.ArucoDetector(dictionary, parameters)
 
     def detect(self, image):
@@ -60,10 +60,7 @@ class BoardDetector:
         if H is not None and board_of(family).type == "charuco":
             flat, pixels = _saddles(grey, family, H)
             H = self._plane(flat, pixels)
-        if H is None:
-            return None
-        square = np.array([[[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]])
-        return cv2.perspectiveTransform(square, H)[0]
+        return None if H is None else square_by(H)
 
     def _plane(self, flat, pixels):
         """Return the homography from a board to the image, None where too few points agree with one."""

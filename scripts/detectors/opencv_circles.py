@@ -6,6 +6,7 @@ The centre of a disc's image is not the image of its centre: seen obliquely the 
 import cv2
 import numpy as np
 
+from detectors._opencv import square_by
 from detectors.contract import Detection, grey_image
 from markers.circle_grid import PATTERN, centres_of
 
@@ -13,8 +14,6 @@ PARAMETERS = {
     # Smallest disc, square pixels: less finds farther grids and more clutter.
     "least_area_px": 20.0,
 }
-
-
 LEAST_PX, MOST_PAPERS = 24, 8  # side of an image or paper; bright regions that are looked at
 
 
@@ -46,8 +45,7 @@ class CircleGridDetector:
             )
             if seen:
                 H, _ = cv2.findHomography(centres_of(family)[0], pixels.reshape(-1, 2) + [x, y])
-                square = np.array([[[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]])
-                return Detection(family, 0, cv2.perspectiveTransform(square, H)[0])
+                return Detection(family, 0, square_by(H))
         return None
 
 

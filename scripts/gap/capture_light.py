@@ -5,7 +5,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from gap.board import polynomial_terms
-from rig.light import LIGHT, lit
+from rig.light import LIGHT, BoardPlace, lit
+from rig.plates import white_cell_at
 
 UNCURVED = 0.05  # prior of the second order: a lamp's light over a board, in logarithms
 SIGMA_LIGHT = np.array([10.0] * 3 + [UNCURVED] * 3 + [10.0] * 2 + [1.0] * 3)
@@ -64,6 +65,17 @@ def _thinned(indices):
     return indices[np.linspace(0, len(indices) - 1, min(len(indices), MOST_PLACES)).round().astype(int)]
 
 
+def photograph_light(image, scene, points, pixels, lut, free):
+    """Return the LIGHT (11,) in which a photograph (H, W, 1 or 3) shows a scene's board; ValueError as ``light_of``.
+
+    points (p, 3) of the board and pixels (p, 2) as found; lut, grey levels of radiances from 0 to 1; free (11,) as there.
+    """
+    levels, white, xy = seen_places(scene.plates[0], points, pixels, image)
+    shown = np.interp(levels, lut, np.linspace(0, 1, len(lut)))
+    reflectance = np.where(white, scene.white, scene.black)
+    return light_of(shown, reflectance, *BoardPlace(scene.plates[0])(*xy.T), free)
+
+
 def board_map(points, pixels):
     """Return (function of a board's (n, 2) metres -> pixels (n, 2), low, high (2,) of where it holds); None where it is unknown.
 
@@ -109,7 +121,7 @@ def seen_places(plate, points, pixels, image):
     height, width = image.shape[:2]
     ok = ((here >= 1) & (here <= [width - 2, height - 2])).all(1)
     px_m = step / np.maximum(np.abs(to_pixels(xy + step) - here).min(1), 1e-6)  # metres a pixel
-    colour = _is_white(plate, xy)
+    colour = white_cell_at(plate, *xy.T)
     for clear_px in CLEAR_PX:
         inside = ok & _is_even(plate, xy, clear_px * px_m)
         if min((colour[inside] == white).sum() for white in (True, False)) >= FEWEST_PLACES:
@@ -122,12 +134,4 @@ def seen_places(plate, points, pixels, image):
 def _is_even(plate, xy, clear_m):
     """Return whether a board has one colour (n,) within ``clear_m`` (n,) of its points (n, 2), metres."""
     about = [clear_m[:, None] * [dx, dy] for dx in (-1, 0, 1) for dy in (-1, 0, 1)]
-    return np.all([_is_white(plate, xy + step) == _is_white(plate, xy) for step in about], axis=0)
-
-
-def _is_white(plate, xy):
-    """Return whether a board is white (n,) at its points (n, 2), metres; paper outside its grid is."""
-    cells = []
-    for values, lines in ((xy[:, 0], plate.x_m), (xy[:, 1], plate.y_m)):
-        cells.append(np.clip(np.searchsorted(lines, values) - 1, 0, len(lines) - 2))
-    return plate.white[cells[1], cells[0]]
+    return np.all([white_cell_at(plate, *(xy + step).T) == white_cell_at(plate, *xy.T) for step in about], axis=0)

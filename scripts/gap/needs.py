@@ -11,8 +11,10 @@ import numpy as np
 from effects import library
 from gap.derivatives import POSE_STEP, flat
 from gap.parameters import fitted_parameters, get_parameter, priors_of, small_step, spec, with_parameters
-from gap.search import MAX_PARAMETERS, MIN_GAIN
+from gap.search import MIN_GAIN
+from gap.select_effects import is_flexible
 from rig.geometry import N_POSE, make_pose, perturb_pose, transform
+from rig.words import plain
 
 CLEAR = 9.0  # information times a squared amount from which that amount is seen: three standard errors
 FURTHER = 4  # photographs that an instruction stands for
@@ -29,7 +31,7 @@ def cannot_tell(search, twin, names):
     alike   {effect of the twin: [others]} that would do as well in its place: MIN_GAIN of loss does not lie between them
     needs   [{"effect", "text"}]: of hidden ones and of the others of ``alike``, what further photographs would show them
     """
-    rigid = [n for n in names if len(library.parameters_of(n)) <= MAX_PARAMETERS]
+    rigid = [n for n in names if not is_flexible(n)]
     told = Told(search, twin, [n for n in rigid if n not in twin.names])
     hidden = [n for n in told.others if told.seen(n) < CLEAR]
     named = [n for n in twin.names if n in rigid and not search.is_fixed(n)]
@@ -41,11 +43,6 @@ def cannot_tell(search, twin, names):
             told.need(o, f" from {plain(n)}", MIN_GAIN, lambda more, n=n, o=o: told.apart(n, o, more)) for o in others
         ]
     return hidden, alike, [need for need in needs if need]
-
-
-def plain(name):
-    """Return an effect's name in words."""
-    return name.replace("_", " ")
 
 
 class Told:

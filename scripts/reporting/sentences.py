@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from rig.words import LADDER, gap_along, with_error
+from rig.words import LADDER, gap_along, plain, with_error
 
 MOST_TOLD = 12  # parameters of one effect that a sentence can hold
 FEW_NOT_LOOKED_AT = 2
@@ -53,11 +53,6 @@ def assumed(scene):
         + ", ".join(f"{name} {value:g}" for name, value in scene.get("reflectance", {}).items()),
     }
     return [f"{words}the twin takes {listed(values[key] for key in left_open)}."]
-
-
-def plain(name):
-    """Return an identifier as words: ``some_effect`` is ``some effect``."""
-    return name.replace("_", " ")
 
 
 def listed(names):

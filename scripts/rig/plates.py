@@ -121,11 +121,15 @@ def cell_rectangles(plate):
     """Return the black cells of a plate as ``black_rectangles``, discs left out."""
     rectangles = []
     for row in range(len(plate.y_m) - 1):
-        black = np.concatenate([[0], ~plate.white[row], [0]]).astype(int)
-        starts, ends = np.flatnonzero(np.diff(black) == 1), np.flatnonzero(np.diff(black) == -1)
-        for a, b in zip(starts, ends, strict=True):
+        for a, b in _black_runs(plate.white[row]):
             rectangles.append([plate.x_m[a], plate.y_m[row], plate.x_m[b], plate.y_m[row + 1]])
     return np.array(rectangles, float).reshape(-1, 4)
+
+
+def _black_runs(white):
+    """Return [(first, after the last)] of the runs of black in a row of cells (n,), whether each is white."""
+    black = np.concatenate([[0], ~white, [0]]).astype(int)
+    return list(zip(np.flatnonzero(np.diff(black) == 1), np.flatnonzero(np.diff(black) == -1), strict=True))
 
 
 def white_cell_at(plate, x, y):
@@ -154,9 +158,7 @@ def _black_strips(plate):
         white = white_cell_at(plate, middle, np.full(len(middle), y))
         for (x, _, _, is_white), reach in zip(plate.discs, half, strict=True):
             white = np.where(np.abs(middle - x) < reach, bool(is_white), white)
-        black = np.concatenate([[0], ~white, [0]]).astype(int)
-        starts, stops = np.flatnonzero(np.diff(black) == 1), np.flatnonzero(np.diff(black) == -1)
-        rectangles += [[ends[a], y0, ends[b], y1] for a, b in zip(starts, stops, strict=True)]
+        rectangles += [[ends[a], y0, ends[b], y1] for a, b in _black_runs(white)]
     return np.array(rectangles, float).reshape(-1, 4)
 
 

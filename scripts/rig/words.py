@@ -12,6 +12,11 @@ LADDER = {
 }
 
 
+def plain(name):
+    """Return an identifier as words: ``some_effect`` is ``some effect``."""
+    return name.replace("_", " ")
+
+
 def with_error(value, error):
     """Return ``value ± error``, both to the error's second digit; four digits of the value where the error is unknown.
 

@@ -26,7 +26,7 @@ from case_files import load_measured, load_photographs, read_capture  # noqa: E4
 from diagnose_camera import looked_at, telling_record, verdict_record  # noqa: E402
 from effects import library  # noqa: E402
 from expand_tables import expand_tables  # noqa: E402
-from gap.capture_light import light_of, seen_places  # noqa: E402
+from gap.capture_light import photograph_light  # noqa: E402
 from gap.needs import cannot_tell  # noqa: E402
 from gap.select_effects import verdict  # noqa: E402
 from inputs.campaign import Board, load_campaign  # noqa: E402
@@ -40,7 +40,7 @@ from rig.light import free_numbers, in_own_light  # noqa: E402
 
 REAL = ROOT.parent / "shared/real"
 TABLE, PAGE = ROOT / "docs/real-photographs.csv", ROOT / "docs/real-photographs.md"
-AT_FLOOR = 1.2  # floors, of the row below
+AT_FLOOR = 1.2  # floors
 MOST_DRAWN = 4  # photographs whose grey levels are compared
 COLUMNS = [
     "set",
@@ -145,10 +145,7 @@ def moved_pose(case, i, twin):
 
 def in_light_of(radiance, drawn, view, image, points, pixels, free):
     """Return a twin's radiance (H + 2m, W + 2m, 1) in the light that a photograph shows of its board."""
-    scene, lut = drawn.scene, drawn.codes.lut
-    levels, white, xy = seen_places(scene.plates[0], points, pixels, image)
-    shown = np.interp(levels, lut, np.linspace(0, 1, len(lut)))
-    light = light_of(shown, np.where(white, scene.white, scene.black), *drawn.place(*xy.T), free)
+    light = photograph_light(image, drawn.scene, points, pixels, drawn.codes.lut, free)
     return in_own_light(radiance[..., 0], light, view, drawn.place)
 
 

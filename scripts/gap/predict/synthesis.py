@@ -62,7 +62,7 @@ def _shared_areas(plate, discs):
     """Return what discs of one colour share, polygons (n, 2 ARC_PIECES, 3) in the world that take it off once."""
     flat, white = lenses(discs)
     flat[white > 0] = flat[white > 0][:, ::-1]
-    return transform(plate.T_world_plate, np.pad(flat, ((0, 0), (0, 0), (0, 1))))
+    return plate.to_world(flat)
 
 
 def _subdivide(polygons, pieces):
