@@ -318,7 +318,7 @@ def suggestion(case, steps):
             other = next(c for c in step.candidates if c.effect == step.confused_with[0])
             mine = next(c for c in step.candidates if c.effect == step.effect)
             found = suggested_station(case, list(mine.twin.effects), list(other.twin.effects))
-            return found | {"tells_apart": [step.effect, other.effect]}
+            return found and found | {"tells_apart": [step.effect, other.effect]}
     return None
 
 

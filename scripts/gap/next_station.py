@@ -1,48 +1,67 @@
-"""Where to capture next: the station at which two twins, that the captures hardly tell apart, differ most."""
+"""Where to capture next: the station at which two twins, that the captures hardly tell apart, differ most.
+
+T-optimality: A. C. Atkinson and V. V. Fedorov, "The design of experiments for discriminating between two rival models" (1975).
+"""
 
 from dataclasses import replace
 
 import numpy as np
 
-from gap.measure.places import SMALLEST_SIDE_PX, code_sides_px, wholly_inside
+from gap.measure.places import wholly_inside
+from gap.score import excess_of
+from gap.solver import Solver
+from job import seed_of
 from rig.geometry import station_pose
+
+HEIGHTS_M = (0.25, 0.5, 0.8, 1.2, 1.6)
+TILTS_DEG = (0.0, 15.0, 30.0, 45.0, 60.0)
+SAME_M, SAME_RAD = 0.02, 0.02  # from a grid's station up to which a capture was taken there
 
 
 def suggested_station(case, a, b):
     """Return the station ({height_m, tilt_deg}) at which two twins (lists of effects) differ most, and by how much.
 
-    Corners are compared after each twin's pose was adjusted within its prior, levels by the images' difference;
-    the sum is in units of 0.05 px and 1 grey level.
+    The difference is the loss above its noise that each twin has in a photograph, noise and all, that the other one takes there,
+    poses fitted: the smaller one, as either may be the truth. Stations that were photographed are left out; None where all were.
     """
-    capture = case.captures[0]
     best = None
-    for height_m in (0.25, 0.5, 0.8, 1.2, 1.6):
-        for tilt_deg in (0.0, 15.0, 30.0, 45.0, 60.0):
-            view = replace(capture.view, T_cam_world=station_pose(height_m, tilt_deg))
-            probe = replace(capture, view=view)
-            score = _difference(case, probe, a, b)
+    for height_m in HEIGHTS_M:
+        for tilt_deg in TILTS_DEG:
+            T_cam_world = station_pose(height_m, tilt_deg)
+            if any(_is_same(c.view.T_cam_world, T_cam_world) for c in case.captures):
+                continue
+            score = _difference(case, T_cam_world, a, b)
             if best is None or score > best[0]:
                 best = (score, height_m, tilt_deg)
+    if best is None:
+        return None
     return {"height_m": best[1], "tilt_deg": best[2], "difference": round(float(best[0]), 2)}
 
 
-def _difference(case, capture, a, b):
-    zero = np.zeros(6)
-    pixels = [case.corners_of(capture, effects, zero).reshape(-1, 8) for effects in (a, b)]
-    inside = wholly_inside(pixels[0].reshape(-1, 4, 2), capture.view.width, capture.view.height)
-    inside &= np.isfinite(pixels[1]).all(1) & (code_sides_px(pixels[0].reshape(-1, 4, 2)) >= SMALLEST_SIDE_PX)
-    if not inside.any():
+def _is_same(T_cam_world, other):
+    """Return whether two cameras stand at the same station."""
+    moved = T_cam_world @ np.linalg.inv(other)
+    angle = np.arccos(np.clip((np.trace(moved[:3, :3]) - 1) / 2, -1, 1))
+    return angle < SAME_RAD and np.linalg.norm(moved[:3, 3]) < SAME_M
+
+
+def _difference(case, T_cam_world, a, b):
+    """Return by what loss two twins differ at a pose at least, each the truth in turn; 0 where no plate is seen."""
+    return min(_loss(case, T_cam_world, *pair) for pair in ((a, b), (b, a)))
+
+
+def _loss(case, T_cam_world, truth, rival):
+    """Return the loss above its noise of a rival in the photograph that a true twin takes at a pose."""
+    first, zero = case.captures[0], np.zeros(len(case.sigma_pose))
+    view = replace(first.view, T_cam_world=T_cam_world, capture="suggested", station="suggested")
+    capture = replace(first, view=view, trial=0, observation=None, starts={})
+    if not wholly_inside(case.corners_of(capture, truth, zero), view.width, view.height).any():
         return 0.0
-    d = (pixels[1] - pixels[0])[inside].ravel() / 0.05
-    J = []
-    for k in range(6):
-        h = np.zeros(6)
-        h[k] = 1e-5
-        J.append((case.corners_of(capture, a, h).reshape(-1, 8)[inside].ravel() - pixels[0][inside].ravel()) / 1e-5)
-    J = np.stack(J, axis=1) / 0.05
-    prior = np.where(np.isfinite(case.sigma_pose), 1 / case.sigma_pose**2, 0)
-    d = d - J @ np.linalg.solve(J.T @ J + np.diag(prior + 1e-9), J.T @ d)
-    images = [
-        case.image_of(case.radiance_of(capture, effects, zero), capture, effects, zero).mean() for effects in (a, b)
-    ]
-    return np.sqrt((d**2).mean()) + abs(images[0] - images[1])
+    rng = np.random.default_rng(seed_of(case.campaign, case.camera, "suggested station", str(T_cam_world.tolist())))
+    image = case.image_of(case.radiance_of(capture, truth, zero), capture, truth, zero, rng)
+    case.observe_real(capture, np.broadcast_to(image, (*image.shape[:2], 3)).astype(np.uint8))
+    if not capture.observation.measured.any():
+        return 0.0
+    solver = Solver(replace(case, captures=[capture]))
+    _, groups = solver.score(rival, zero[None], [0])
+    return sum(excess_of(groups, {}).values())

@@ -119,6 +119,16 @@ def test_light_is_spread_as_the_image_is_blurred(effect):
     assert np.sqrt(((drawn - blurred)[inside] ** 2).mean()) < 0.45 * np.sqrt(((sharp - blurred)[inside] ** 2).mean())
 
 
+@pytest.mark.filterwarnings("ignore:All-NaN")  # behind the camera nothing has pixels
+def test_light_is_spread_where_nothing_is_in_view():
+    """Fails if a photograph that looks past the rig ends a blurred twin with an error."""
+    scene, view = scene_and_view()
+    view = replace(view, T_cam_world=station_pose(1.6, -60))
+    spread = pipeline.light_spread(view, [("defocus", {"blur_px_per_dioptre": 1.0, "focus_m": 0.7, "softness": 1.0})])
+    plates, black, _ = coverages(Prints(scene.plates), view, spread=spread)
+    assert not plates.any() and not black.any()
+
+
 @pytest.mark.parametrize("sigma_px", [0.2, 0.6, 1.3])
 def test_a_blurred_twin_shows_no_stripes_finer_than_its_pixels(sigma_px):
     """Blurring whole pixels keeps what sampling made of finer stripes; a blur on pixels five times finer does not."""

@@ -117,7 +117,7 @@ def coverages(prints, view, map_points=None, spread=None):
                 add_polygons(acc, vertices, np.ones(len(vertices)))
             else:
                 directions, shares = spread(pixels.reshape(-1, 2))
-                add_spread_polygons(acc, vertices, directions.reshape(*pixels.shape[:2], -1, 2), shares)
+                add_spread_polygons(acc, vertices, directions.reshape(*pixels.shape[:2], *directions.shape[1:]), shares)
         running_sum(acc, out)
         return out
 
@@ -135,7 +135,7 @@ def window_coverages(prints, view, atlas, map_points=None, spread=None):
                 windows.draw(vertices, atlas.tiles, out)
             else:
                 directions, shares = spread(pixels.reshape(-1, 2))
-                directions = np.ascontiguousarray(directions.reshape(*pixels.shape[:2], -1, 2))
+                directions = np.ascontiguousarray(directions.reshape(*pixels.shape[:2], *directions.shape[1:]))
                 windows.draw_spread(vertices, directions, np.ascontiguousarray(shares), atlas.tiles, out)
         return out
 

@@ -133,11 +133,11 @@ class CampaignCamera:
         return processing.process(encoded + nominal.NOISE_DN * noise, self.effects, self.order)
 
 
-def _captures(camera, size, seed_name):
+def _captures(camera, stations, seed_name):
     """Yield (capture, height_m, tilt_deg, trial, R_cam_world, centre, pose error) with the tolerance drawn
     per capture.
     """
-    for height, tilt in nominal.stations(size):
+    for height, tilt in stations:
         for trial in range(nominal.TRIALS):
             capture = f"{camera.name}_h{round(height * 100):03d}_t{tilt}_r{trial}"
             rng = nominal.rng_of("pose", seed_name, capture)
@@ -170,14 +170,16 @@ def _write_tables(folder, camera, captures):
     (folder / "campaign.yaml").write_text(text, encoding="utf-8")
 
 
-def generate_campaign(folder, truth_folder, effects, seed_name, size="standard", camera=None, notes=None):
+def generate_campaign(
+    folder, truth_folder, effects, seed_name, size="standard", camera=None, notes=None, stations=None
+):
     """Generate one campaign in ``folder`` (its name becomes the campaign's) and its sealed truth in
     ``truth_folder``/truth.json.
 
     ``effects``: list of (name, parameters in this generator's units, see ``draw_effect``). ``size``:
     ``standard`` (20 captures of half a megapixel), ``small`` (8 of 768 x 432), ``tiny`` (4 of 384 x 216).
     ``camera``: a name among that size's cameras (default: the first). ``notes``: further keys of the
-    truth. Same arguments, same bytes.
+    truth. ``stations``: [(height_m, tilt_deg)], whole degrees, instead of that size's. Same arguments, same bytes.
     """
     folder, truth_folder = Path(folder), Path(truth_folder)
     if unknown := [name for name, _ in effects if name not in LIBRARY and name not in OUTSIDE]:
@@ -187,7 +189,7 @@ def generate_campaign(folder, truth_folder, effects, seed_name, size="standard",
     (folder / "images" / camera.name).mkdir(parents=True, exist_ok=True)
     truth_folder.mkdir(parents=True, exist_ok=True)
     rig = CampaignCamera(camera, dict(effects), seed_name)
-    captures = list(_captures(camera, size, seed_name))
+    captures = list(_captures(camera, stations or nominal.stations(size), seed_name))
     for capture, _, _, _, rotation, centre, _ in captures:
         image = rig.photograph(rotation, centre, capture)
         Image.fromarray(image).save(folder / "images" / camera.name / f"{capture}.png", compress_level=1)

@@ -1,0 +1,137 @@
+"""Where to photograph next, closed: ``python tests/bench/bench_next_station.py [--pairs N] [--most N]``.
+
+A camera with one hidden effect, drawn by the generator of tests/bench/generator, and a rival that few captures cannot tell from
+it. From the same four captures, one more is taken again and again where the program suggests, or at random, until the verdict
+names the hidden effect alone. The pairs are those of PAIRS, in this order, whose first verdict is not right.
+"""
+
+import argparse
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests/bench")]
+
+import cv2
+import numpy as np
+from tabulate import tabulate
+from tqdm import tqdm
+
+from gap.next_station import HEIGHTS_M, TILTS_DEG, suggested_station
+from gap.search import Search
+from gap.select_effects import verdict
+from generator import draw_effect, generate_campaign, nominal
+from record import record
+from trials.observe_trial import observe_camera, observed_cases
+
+START = [(0.5, 45), (0.5, 60)]  # stations (m, degrees) of the first captures, two each
+STATIONS = [(h, int(t)) for h in HEIGHTS_M for t in TILTS_DEG]
+SIZE, CAMERA = "tiny", "hp325"
+PAIRS = [  # (hidden, rival)
+    ("lens_blur", "defocus"), ("field_curvature", "defocus"), ("lens_blur", "field_curvature"),
+    ("field_curvature", "lens_blur"), ("illumination_gradient", "vignetting"), ("veiling_glare", "ink_reflectance"),
+    ("camera_pose_offset", "principal_point"), ("rail_sag", "radial_distortion"), ("rail_sag", "camera_pose_offset"),
+    ("camera_pose_offset", "focal_length"), ("illumination_gradient", "specular_highlight"), ("denoising", "lens_blur"),
+    ("tone_curve", "veiling_glare"), ("tone_curve", "exposure"), ("rail_sag", "marker_scale"),
+    ("camera_pose_offset", "tangential_distortion"), ("specular_highlight", "illumination_gradient"),
+    ("defocus", "lens_blur"), ("motion_blur", "lens_blur"), ("defocus", "field_curvature"),
+]  # fmt: skip
+STRENGTH = 0.12  # of what is clear
+
+
+def measured(folder, hidden, stations):
+    """Return the Case of a campaign with one hidden effect, both captures of each station measured."""
+    camera = nominal.CAMERAS[SIZE][0]
+    seed = f"next station/{hidden}"
+    effects = [(hidden, draw_effect(hidden, STRENGTH, camera, seed))]
+    generate_campaign(folder / "campaign", folder / "truth", effects, seed, SIZE, CAMERA, stations=stations)
+    observe_camera(folder / "campaign", CAMERA, folder / "observed" / CAMERA)
+    return observed_cases(folder / "observed")[0]
+
+
+def station_of(capture):
+    """Return the (height_m, tilt_deg) of a capture, as they are in its name."""
+    _, height, tilt, _ = capture.view.capture.rsplit("_", 3)
+    return int(height[1:]) / 100, int(tilt[1:])
+
+
+def is_right(case, pair):
+    """Return whether the verdict between two effects names the hidden one alone."""
+    _, _, _, outcome = verdict(case, candidates=list(pair))
+    confused = {name for step in outcome.steps for name in step.confused_with}
+    return outcome.verdict == "explained" and [s.effect for s in outcome.steps] == [pair[0]] and pair[1] not in confused
+
+
+def suggested(case, pair, left):
+    """Return the station where the two effects, fitted to the captures so far, are to be told apart."""
+    search = Search(case, list(pair))
+    base = search.fitted([])
+    twins = [search.try_effect(base, name).twin for name in pair]
+    found = suggested_station(case, *(list(t.effects) for t in twins))
+    return found["height_m"], int(found["tilt_deg"])
+
+
+def captures_needed(pool, pair, choose, most):
+    """Return how many captures beyond the first were taken until the verdict was right; ``most`` + 1 where it never was.
+
+    choose  function (Case, stations that are left) -> station
+    """
+    taken = [c for c in pool.captures if station_of(c) in START]
+    for number in range(1, most + 1):
+        left = sorted({station_of(c) for c in pool.captures if c not in taken})
+        where = choose(replace(pool, captures=taken), left)
+        taken.append(next(c for c in pool.captures if c not in taken and station_of(c) == where))
+        if is_right(replace(pool, captures=taken), pair):
+            return number
+    return most + 1
+
+
+def random_choice(pair, run):
+    """Return the choice of a station at random, seeded by the pair and the run."""
+    rng = nominal.rng_of("random stations", *pair, run)
+    return lambda case, left: left[rng.integers(len(left))]
+
+
+def measure(pair, scratch, runs, most):
+    """Return (captures needed where suggested, at random (runs,)) of a pair; None where the first verdict is right."""
+    first = measured(scratch / "first", pair[0], START)
+    if is_right(first, pair):
+        return None
+    pool = measured(scratch / "all", pair[0], STATIONS)
+    by_suggestion = captures_needed(pool, pair, lambda case, left: suggested(case, pair), most)
+    at_random = [captures_needed(pool, pair, random_choice(pair, run), most) for run in range(runs)]
+    return by_suggestion, at_random
+
+
+def main():
+    """Read the command line, measure, print a table and record the figures."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--pairs", type=int, default=12, help="how many confused pairs")
+    parser.add_argument("--runs", type=int, default=3, help="how many times stations are taken at random")
+    parser.add_argument("--most", type=int, default=8, help="captures after which it is given up")
+    a = parser.parse_args()
+    cv2.setNumThreads(1)
+    rows = []
+    with tempfile.TemporaryDirectory() as scratch:
+        for pair in tqdm(PAIRS, desc="pairs", unit="pair"):
+            outcome = measure(pair, Path(scratch) / "_".join(pair), a.runs, a.most) if len(rows) < a.pairs else None
+            if outcome:
+                rows.append([*pair, *outcome])
+                tqdm.write(f"{rows[-1]}")
+    print(tabulate(rows, ["hidden", "rival", "suggested", "at random"], tablefmt="github"))
+    by_suggestion = sum(row[2] for row in rows)
+    at_random = sum(np.mean(row[3]) for row in rows)
+    pairs = f"of {len(rows)} pairs"
+    record(
+        [
+            ("next station: captures until the verdict is right, where suggested", by_suggestion / len(rows), pairs),
+            ("next station: captures until the verdict is right, at random", at_random / len(rows), pairs),
+            ("next station: suggested over random", by_suggestion / at_random, "of the captures"),
+        ]
+    )
+
+
+if __name__ == "__main__":
+    main()
