@@ -54,7 +54,7 @@ data: environment
 	@$(PULL) 2> /dev/null || $(PULL)
 
 test: environment data
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n $(CORES) --dist loadfile
 
 picture: results
 	PYTHONPATH=scripts $(BIN)/python notebooks/front_picture.py results/frame docs/picture.png

@@ -78,11 +78,11 @@ def captures_needed(pool, pair, choose, most):
 
     choose  function (Case, stations that are left) -> station
     """
-    taken = [c for c in pool.captures if station_of(c) in START]
+    left = list(pool.captures)
+    taken = [left.pop(k) for k in reversed(range(len(left))) if station_of(left[k]) in START]
     for number in range(1, most + 1):
-        left = sorted({station_of(c) for c in pool.captures if c not in taken})
-        where = choose(replace(pool, captures=taken), left)
-        taken.append(next(c for c in pool.captures if c not in taken and station_of(c) == where))
+        where = choose(replace(pool, captures=taken), sorted({station_of(c) for c in left}))
+        taken.append(left.pop(next(k for k, c in enumerate(left) if station_of(c) == where)))
         if is_right(replace(pool, captures=taken), pair):
             return number
     return most + 1
