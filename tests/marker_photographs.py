@@ -9,7 +9,7 @@ import pandas as pd
 import yaml
 from scipy.spatial.transform import Rotation
 
-from markers.contract import drawing_of, marker_corners_world
+from markers.contract import count_of, drawing_of, marker_corners_world
 from rig.geometry import camera_matrix, station_pose
 
 WIDTH, HEIGHT, FOCAL_PX = 480, 360, 400.0
@@ -19,13 +19,15 @@ STATIONS = [(h, t) for h in (0.35, 0.5, 0.65) for t in (40, 55)]
 NOISE_DN, POSITION_M, ANGLE_DEG = 1.0, 0.002, 0.2
 
 
-def plates_of(family, code_m=0.07, plate_m=0.12):
-    """Return the markers' table of twelve plates of one family before the camera."""
-    rows = [(x, y) for y in (0.25, 0.4, 0.55) for x in (-0.24, -0.08, 0.08, 0.24)]
-    zeros = dict.fromkeys(("z", "rx", "ry", "rz"), 0.0)
-    made = [{"id": i, "x": x, "y": y, **zeros} for i, (x, y) in enumerate(rows)]
-    table = pd.DataFrame(made).assign(dictionary=family, code_m=code_m, plate_m=plate_m)
-    return table[["dictionary", "id", "code_m", "plate_m", "x", "y", "z", "rx", "ry", "rz"]]
+def plates_of(families):
+    """Return the markers' table of twelve plates before the camera, or of six larger ones where the families have fewer ids."""
+    codes = [(family, i) for family in families for i in range(min(count_of(family), 12))][:12]
+    if len(codes) == 12:
+        places, sides = [(x, y) for y in (0.25, 0.4, 0.55) for x in (-0.24, -0.08, 0.08, 0.24)], (0.06, 0.12)
+    else:
+        places, sides = [(x, y) for y in (0.3, 0.5) for x in (-0.2, 0.0, 0.2)], (0.15, 0.18)
+    rows = [[*code, *sides, *place, 0.0, 0.0, 0.0, 0.0] for code, place in zip(codes, places, strict=True)]
+    return pd.DataFrame(rows, columns=["dictionary", "id", "code_m", "plate_m", "x", "y", "z", "rx", "ry", "rz"])
 
 
 def texture(marker, scale):
@@ -70,9 +72,9 @@ def photograph(markers, textures, T_cam_world, rng, k1=0.0, blur_px=0.0):
     return (255 * encoded + rng.normal(0, NOISE_DN, encoded.shape)).round().clip(0, 255).astype(np.uint8)
 
 
-def lay_down_markers(folder, family, stations=STATIONS, trials=2, scale=1.0, **hidden):
+def lay_down_markers(folder, families, stations=STATIONS, trials=2, scale=1.0, **hidden):
     """Write a campaign of one camera to ``folder`` and return it; ``hidden`` as ``photograph`` has it."""
-    rng, markers, rows = np.random.default_rng(3), plates_of(family), []
+    rng, markers, rows = np.random.default_rng(3), plates_of(families), []
     textures = [texture(m, scale) for m in markers.itertuples()]
     (folder / "images").mkdir(parents=True)
     for height_m, tilt_deg in stations:

@@ -1,0 +1,17 @@
+"""A verdict on a rig of markers that are no square codes: drawn by OpenCV's warps, a lens hidden."""
+
+from gap.select_effects import verdict
+from marker_photographs import STATIONS, lay_down_markers
+from trials.observe_trial import observe_camera, observed_cases
+
+
+def test_a_lens_is_named_before_a_rig_of_rings_and_discs(tmp_path):
+    """Fails if plates with discs are not found or not measured, or their rings ask for a name."""
+    campaign = lay_down_markers(tmp_path / "campaign", ["STAG_HD21"], STATIONS[::2], k1=-0.05)
+    observe_camera(campaign, "cam", tmp_path / "observed" / "cam")
+    (case,) = observed_cases(tmp_path / "observed")
+    assert sum(c.observation.measured.sum() for c in case.captures) > 40
+    _, base, _, outcome = verdict(case, candidates=["radial_distortion", "lens_blur", "marker_scale"])
+    assert [step.effect for step in outcome.steps] == ["radial_distortion"]
+    assert abs(dict(outcome.twin.effects)["radial_distortion"]["k1"] + 0.05) < 0.01
+    assert base.gap > 1.5 > outcome.twin.gap
