@@ -12,6 +12,7 @@ from pathlib import Path
 from imports import imports_of
 
 SCRIPTS = Path(__file__).parent
+COMPILERS = ("numba", "kernels")  # in whose place comes this:
 NUMBA = """\
 try:
     from numba import njit
@@ -56,7 +57,7 @@ def bundle(entry, others, provided):
     Raises ValueError where two names would become one.
     """
     names = [_name_of(path) for path in imports_of(*(f"{n.replace('.', '/')}.py" for n in (entry, *others)))]
-    inside = {n for n in (*names, *others) if n not in provided} | {entry}
+    inside = {n for n in (*names, *others) if n not in (*provided, *COMPILERS)} | {entry}
     modules = {n: _parsed(n, {*inside, *provided}) for n in sorted(inside)}
     modules = {n: m for n, m in modules.items() if m.own or m.taken}
     final = {n: {own: own if n == entry else f"{m.prefix()}_{own}" for own in m.own} for n, m in modules.items()}
@@ -85,7 +86,7 @@ def _parsed(name, known):
             module.taken |= {a.asname or a.name: (node.module, a.name) for a in node.names}
             module.dropped.append((node.lineno, node.end_lineno))
         elif isinstance(node, ast.Import | ast.ImportFrom):
-            if getattr(node, "module", None) != "numba":
+            if getattr(node, "module", None) not in COMPILERS:
                 module.outside.append(ast.unparse(node))
             module.dropped.append((node.lineno, node.end_lineno))
         elif index == 0 and isinstance(node, ast.Expr):

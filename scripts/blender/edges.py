@@ -1,8 +1,8 @@
 """Which pixels an edge crosses: only they need many samples. Needs no Blender."""
 
 import numpy as np
-from numba import njit
 
+from kernels import njit
 from rig.discs import built_outlines
 from rig.geometry import transform
 

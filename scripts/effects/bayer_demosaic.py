@@ -7,9 +7,9 @@ interpolation for demosaicing of Bayer-patterned color images" (2004).
 """
 
 import numpy as np
-from numba import njit
 
 from effects.base import Parameter
+from kernels import njit
 
 STAGE, ORDER = "sensor", 30
 AFFECTS = "intensity"

@@ -3,7 +3,8 @@
 import math
 
 import numpy as np
-from numba import njit
+
+from kernels import njit
 
 SQRT_2, SQRT_TAU = math.sqrt(2), math.sqrt(2 * math.pi)
 CLIPPED_SD = 4.0  # standard deviations from black or white within which noise is clipped

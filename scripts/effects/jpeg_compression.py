@@ -16,11 +16,11 @@ import math
 
 import cv2
 import numpy as np
-from numba import njit
 
 from effects.base import Parameter
 from effects.encoding import mean_of_clipped
 from effects.filters import frame_of
+from kernels import njit
 
 STAGE, ORDER = "processing", 60
 AFFECTS = "intensity"

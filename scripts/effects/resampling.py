@@ -8,7 +8,8 @@ for tracking material interfaces", Journal of Computational Physics 199 (2004).
 """
 
 import numpy as np
-from numba import njit
+
+from kernels import njit
 
 LEAST_CONTRAST = 0.004  # of full scale, over 3 x 3 pixels; below it a pixel is taken as smooth
 POINTS = 89  # Fibonacci lattice in a footprint: no two share a row or a column

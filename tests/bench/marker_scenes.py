@@ -154,9 +154,13 @@ def scene(
     noise_dn=2.0,
     encoding="srgb",
     pieces=150,
+    ground=None,
 ):
-    """Return (uint8 image, list of Truth): half of the markers of each dictionary, random ids, none overlapping."""
-    light = clutter(rng, height, width, pieces)
+    """Return (uint8 image, list of Truth): half of the markers of each dictionary, random ids, none overlapping.
+
+    They lie on clutter of so many pieces, or on ``ground``, linear light (height, width), which is painted over.
+    """
+    light = clutter(rng, height, width, pieces) if ground is None else ground
     taken, truth = [], []
     for k in range(markers):
         dictionary, count = (("DICT_5X5_1000", 1000), ("DICT_ARUCO_ORIGINAL", 1023))[k % 2]

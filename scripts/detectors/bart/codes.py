@@ -5,8 +5,8 @@ Compiled with numba. A code of n x n bits is one uint64, row by row, the most si
 
 import cv2
 import numpy as np
-from numba import njit
 
+from kernels import njit
 from markers.contract import opencv_dictionary
 
 NO_CODE = -1

@@ -7,9 +7,9 @@ enters: positions are those of pixel centres.
 """
 
 import numpy as np
-from numba import njit
 
 from detectors.bart.codes import read_levels, square_to_quad
+from kernels import njit
 
 
 def srgb_to_linear():

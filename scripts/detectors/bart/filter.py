@@ -2,8 +2,8 @@
 
 import cv2
 import numpy as np
-from numba import njit
 
+from kernels import njit
 from rig.plates import marker_corners_plate
 
 SURPRISE = 16.8  # squared normalised innovation of a pose that one in a hundred exceeds (chi squared, 6 degrees)

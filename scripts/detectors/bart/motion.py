@@ -2,7 +2,8 @@
 
 import cv2
 import numpy as np
-from numba import njit
+
+from kernels import njit
 
 STRAY_PX = 2.0  # RMS of a marker's corners: more, and it does not move with the others
 STRAY_SHARE = 0.3  # of the others' speed: as much may a marker differ and still go with them

@@ -4,9 +4,9 @@ Compiled with numba; nothing here knows of codes. Pixel coordinates are those of
 """
 
 import numpy as np
-from numba import njit
 
 from detectors.bart.regions import candidates, components
+from kernels import njit
 
 # Moore neighbourhood, clockwise from the right (y down).
 STEP_Y = np.array([0, 1, 1, 1, 0, -1, -1, -1], np.int64)

@@ -4,7 +4,6 @@ Compiled with numba.
 """
 
 import numpy as np
-from numba import njit
 
 from detectors.bart.codes import (
     NO_CODE,
@@ -17,6 +16,7 @@ from detectors.bart.codes import (
 )
 from detectors.bart.edges import refine_quad
 from detectors.bart.small import fit_small, match_blurred
+from kernels import njit
 
 SMALL_MODULE_PX = 4.0  # below it a marker's cells mix, and codes are compared as they look when blurred
 WEAK_SHARE = 0.125  # of the pairs of paper and frame that may lack contrast: an occlusion, a shadow

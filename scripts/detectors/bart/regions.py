@@ -4,9 +4,9 @@ Compiled with numba. Pixel coordinates are those of the image that was binarised
 """
 
 import numpy as np
-from numba import njit
 
 from detectors.bart.codes import popcount
+from kernels import njit
 
 ZERO, ONE, THREE, EIGHT, BYTE = (np.uint64(v) for v in (0, 1, 3, 8, 255))
 

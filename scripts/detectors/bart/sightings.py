@@ -1,7 +1,8 @@
 """Places in an image that are seen more than once: what lies within a finding, and the best finding of each place."""
 
 import numpy as np
-from numba import njit
+
+from kernels import njit
 
 
 def not_inside(boxes, found):

@@ -6,11 +6,12 @@ Compiled with numba.
 import math
 
 import numpy as np
-from numba import njit
 
 from detectors.bart.codes import NO_CODE, cell_size, popcount, read_levels
+from kernels import njit
 
 COMPETING_BITS = 5  # wrong bits up to which codes compete for a small marker
+COMPETING_SHARE = 0.2  # of all bits: of large families of few bits half would compete
 BELIEVED_BITS = 2  # wrong bits that blur between small cells may explain
 
 
@@ -80,8 +81,8 @@ def match_blurred(levels, across, down, word, words, owner):
     Cells of about a pixel mix: each code near the word as read is blurred as the image may be and compared with
     what is seen, paper and frame included.
     levels   (n, n) linear light of codes.read_levels; across, down: thickness of its columns and rows, pixels
-    word     bits as read: codes within COMPETING_BITS of it are compared, one within BELIEVED_BITS is returned,
-             and only if it explains the levels better than the word itself does
+    word     bits as read: codes within COMPETING_BITS of it (COMPETING_SHARE of all) are compared, one within
+             BELIEVED_BITS is returned, and only if it explains the levels better than the word itself does
     misfit   residual RMS of the best, in contrasts; worst: its largest residual of a cell within the frame
     lead     misfit of the best other code over that of the best
     """
@@ -92,11 +93,12 @@ def match_blurred(levels, across, down, word, words, owner):
         cells[0, k] = cells[n - 1, k] = cells[k, 0] = cells[k, n - 1] = 1.0
     best, least, second, worst, as_read = NO_CODE, 1e9, 1e9, 1e9, 1e9
     competing = [-1]
+    most = min(COMPETING_BITS, int(COMPETING_SHARE * size * size))
     nearest = 65
     for k in range(len(words)):
         d = np.int64(popcount(word ^ words[k]))
         nearest = min(nearest, d)
-        if d <= COMPETING_BITS:
+        if d <= most:
             competing.append(k)
     if nearest > BELIEVED_BITS:
         return NO_CODE, 1e9, 1e9, 0.0

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numba import njit
 
 from gap.measure.places import agreeing
 from gap.measure.plate import (
@@ -30,6 +29,7 @@ from gap.measure.regions import (
 )
 from gap.measure.response import plate_response
 from gap.predict.windows import make_atlas
+from kernels import njit
 from rig.plates import black_rectangles
 
 COLOUR_FEATURES = (

@@ -6,9 +6,9 @@ measures real and twin, so that what the expansion leaves out cancels in the gap
 """
 
 import numpy as np
-from numba import njit
 
 from gap.predict.raster import add_edge
+from kernels import njit
 
 # The expansion: displacement of the four code corners (px; x, y each), then
 FEATURES = (

@@ -1,9 +1,9 @@
 """Measure uniform regions in windows of an image: levels over the frame, noise by level, correlation, blocks, stripes."""
 
 import numpy as np
-from numba import njit
 
 from gap.measure.plate import _draw, _sum_rows, code_homography, plate_window
+from kernels import njit
 
 GROUND, WHITE, BLACK, SKY = 1, 2, 3, 4
 FIELD_COLUMNS, FIELD_ROWS = 8, 5

@@ -1,7 +1,6 @@
 """By what a plate's features change with the pixels of its image; compiled."""
 
 import numpy as np
-from numba import njit
 
 from gap.measure.plate import (
     FARTHEST_RIM,
@@ -15,6 +14,7 @@ from gap.measure.plate import (
     plate_window,
     px_per_m,
 )
+from kernels import njit
 
 PIXEL_STEP_PX = 0.05  # of the corners, for how the model changes with them
 

@@ -5,7 +5,8 @@ font rasterisers (Levien, "font-rs", 2016), in double precision.
 """
 
 import numpy as np
-from numba import njit
+
+from kernels import njit
 
 
 @njit(cache=True, fastmath=False)

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 
 from effects.base import Windows
 from gap.predict.raster import add_edge
+from kernels import njit
 
 BLOCK_PX = 16
 WIDTH_PX = 512  # of the small image, unless a window is wider

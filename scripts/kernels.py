@@ -1,0 +1,50 @@
+"""numba's ``njit`` for all compiled code: what it keeps holds while the kernel's file *and all that it imports* are as they were.
+
+numba itself looks at a kernel's own file alone: an edit of another file, whose kernels or numbers are compiled into it, would
+go unseen, and results would be those of the code before.
+"""
+
+import functools
+import hashlib
+import re
+from pathlib import Path
+
+import numba
+
+SCRIPTS = Path(__file__).parent
+IMPORT = re.compile(r"^from ([\w.]+) import", re.MULTILINE)
+
+
+def njit(**options):
+    """Return the decorator ``numba.njit(**options)``; what it keeps on disk, where it does, is bound to all of its source."""
+
+    def compiled(function):
+        kernel = numba.njit(**options)(function)
+        kept = getattr(kernel._cache, "_cache_file", None)
+        if kept is not None:
+            kept._source_stamp = kept._source_stamp, digest_of_imports(function.__code__.co_filename)
+        return kernel
+
+    return compiled
+
+
+@functools.cache
+def digest_of_imports(path):
+    """Return the SHA-256 of all files of the project that a file imports, one of another, at its top level."""
+    found, waiting = set(), [Path(path)]
+    while waiting:
+        new = set(_imported(waiting.pop())) - found
+        found |= new
+        waiting += new
+    digest = hashlib.sha256()
+    for file in sorted(found):
+        digest.update(file.relative_to(SCRIPTS).as_posix().encode() + b"\0" + file.read_bytes())
+    return digest.hexdigest()
+
+
+@functools.cache
+def _imported(path):
+    """Return the project's files that a file imports from."""
+    places = (SCRIPTS / name.replace(".", "/") for name in IMPORT.findall(path.read_text(encoding="utf-8")))
+    files = (file for place in places for file in (place.with_suffix(".py"), place / "__init__.py"))
+    return tuple(file for file in files if file.is_file() and file != Path(__file__))

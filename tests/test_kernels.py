@@ -1,0 +1,53 @@
+"""What numba keeps of compiled code, in processes of their own: an edit of what a kernel calls reaches it."""
+
+import shutil
+import subprocess
+import sys
+
+from workflow_runs import PROJECT
+
+CALLER = """from kernels import njit
+from callee import LEVEL, doubled
+
+
+@njit(cache=True)
+def level():
+    return doubled(LEVEL)
+"""
+CALLEE = """from kernels import njit
+
+LEVEL = 21
+
+
+@njit(cache=True)
+def doubled(x):
+    return 2 * x
+"""
+
+
+def said(folder):
+    """Return what a new process gets from the kernel, and how many times it was compiled there."""
+    code = "import caller; print(caller.level(), sum(caller.level.stats.cache_misses.values()))"
+    done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=True)
+    return done.stdout.split()
+
+
+def test_an_edit_of_what_a_kernel_calls_reaches_it(tmp_path):
+    """Fails if a kernel that was compiled earlier still has another file's old code or numbers, or is compiled every time."""
+    shutil.copy(PROJECT / "scripts/kernels.py", tmp_path)
+    (tmp_path / "caller.py").write_text(CALLER)
+    (tmp_path / "callee.py").write_text(CALLEE)
+    assert said(tmp_path) == ["42", "1"]
+    assert said(tmp_path) == ["42", "0"]
+    (tmp_path / "callee.py").write_text(CALLEE.replace("2 * x", "3 * x"))
+    assert said(tmp_path) == ["63", "1"]
+    (tmp_path / "callee.py").write_text(CALLEE.replace("LEVEL = 21", "LEVEL = 5"))
+    assert said(tmp_path) == ["10", "1"]
+    assert said(tmp_path) == ["10", "0"]
+
+
+def test_all_compiled_code_is_kept_so():
+    """Fails if a file takes numba's own decorator: what it calls could change unseen."""
+    taking = [f for f in (PROJECT / "scripts").rglob("*.py") if "import njit" in f.read_text(encoding="utf-8")]
+    numbas = {f.name for f in taking if "from numba import njit" in f.read_text(encoding="utf-8")}
+    assert len(taking) > 15 and numbas == {"bundle_code.py"}
