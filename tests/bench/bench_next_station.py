@@ -20,8 +20,8 @@ from tabulate import tabulate
 from tqdm import tqdm
 
 from gap.next_station import HEIGHTS_M, TILTS_DEG, suggested_station
-from gap.search import Search
-from gap.select_effects import verdict
+from gap.search import Search, rank
+from gap.select_effects import confused_with, is_missing
 from generator import draw_effect, generate_campaign, nominal
 from record import record
 from trials.observe_trial import observe_camera, observed_cases
@@ -30,14 +30,15 @@ START = [(0.5, 45), (0.5, 60)]  # stations (m, degrees) of the first captures, t
 STATIONS = [(h, int(t)) for h in HEIGHTS_M for t in TILTS_DEG]
 SIZE, CAMERA = "tiny", "hp325"
 PAIRS = [  # (hidden, rival, strength: some times what is worth a name, far less than what is clear)
-    ("illumination_gradient", "vignetting", 0.12), ("veiling_glare", "ink_reflectance", 0.12),
-    ("lens_blur", "defocus", 0.3), ("rail_sag", "radial_distortion", 0.35), ("camera_pose_offset", "focal_length", 0.35),
-    ("camera_pose_offset", "principal_point", 0.35), ("illumination_gradient", "specular_highlight", 0.12),
-    ("rail_sag", "camera_pose_offset", 0.35), ("field_curvature", "defocus", 0.2), ("field_curvature", "lens_blur", 0.2),
+    ("rail_sag", "radial_distortion", 0.35), ("camera_pose_offset", "focal_length", 0.35),
+    ("camera_pose_offset", "principal_point", 0.35), ("rail_sag", "camera_pose_offset", 0.35),
     ("rail_sag", "marker_scale", 0.35), ("camera_pose_offset", "tangential_distortion", 0.35),
-    ("lens_blur", "field_curvature", 0.25), ("tone_curve", "veiling_glare", 0.12), ("denoising", "lens_blur", 0.25),
-    ("ink_reflectance", "tone_curve", 0.12), ("specular_highlight", "illumination_gradient", 0.2),
-    ("defocus", "field_curvature", 0.12), ("vignetting", "illumination_gradient", 0.06), ("tone_curve", "exposure", 0.12),
+    ("rail_sag", "focal_length", 0.35), ("camera_pose_offset", "radial_distortion", 0.35),
+    ("veiling_glare", "ink_reflectance", 0.12), ("lens_blur", "defocus", 0.3), ("field_curvature", "defocus", 0.2),
+    ("field_curvature", "lens_blur", 0.2), ("lens_blur", "field_curvature", 0.25), ("tone_curve", "exposure", 0.12),
+    ("tone_curve", "veiling_glare", 0.12), ("ink_reflectance", "tone_curve", 0.12), ("denoising", "lens_blur", 0.25),
+    ("illumination_gradient", "vignetting", 0.12), ("illumination_gradient", "specular_highlight", 0.12),
+    ("specular_highlight", "illumination_gradient", 0.2),
 ]  # fmt: skip
 
 
@@ -57,33 +58,42 @@ def station_of(capture):
     return int(height[1:]) / 100, int(tilt[1:])
 
 
-def is_right(case, pair):
-    """Return whether the verdict between two effects names the hidden one alone."""
-    _, _, _, outcome = verdict(case, candidates=list(pair))
-    confused = {name for step in outcome.steps for name in step.confused_with}
-    return outcome.verdict == "explained" and [s.effect for s in outcome.steps] == [pair[0]] and pair[1] not in confused
+class Rivals:
+    """A hidden effect and its rival, each fitted to some captures as the verdict's first step has them."""
 
+    def __init__(self, case, pair):
+        self.case, self.pair = case, pair
+        search = Search(case, list(pair))
+        self.base = search.fitted([])
+        self.candidates = rank(search.try_effect(self.base, name) for name in pair)
 
-def suggested(case, pair):
-    """Return the station where the two effects, fitted to the captures so far, are to be told apart."""
-    search = Search(case, list(pair))
-    base = search.fitted([])
-    twins = [search.try_effect(base, name).twin for name in pair]
-    found = suggested_station(case, *(list(t.effects) for t in twins))
-    return found["height_m"], int(found["tilt_deg"])
+    @property
+    def are_told_apart(self):
+        """Whether the first step is the hidden effect, its rival not confused with it."""
+        best = self.candidates[0]
+        if best.effect != self.pair[0] or not is_missing(best, self.base.excess):
+            return False
+        return self.pair[1] not in confused_with(self.case, best, self.candidates)
+
+    def suggested(self):
+        """Return the station where they are to be told apart."""
+        found = suggested_station(self.case, *(list(c.twin.effects) for c in self.candidates))
+        return found["height_m"], int(found["tilt_deg"])
 
 
 def captures_needed(pool, pair, choose, most):
-    """Return how many captures beyond the first were taken until the verdict was right; ``most`` + 1 where it never was.
+    """Return how many captures beyond the first were taken until the effects were told apart; ``most`` + 1 where they never were.
 
-    choose  function (Case, stations that are left) -> station
+    choose  function (Rivals, stations that are left) -> station
     """
     left = list(pool.captures)
     taken = [left.pop(k) for k in reversed(range(len(left))) if station_of(left[k]) in START]
+    rivals = Rivals(replace(pool, captures=taken), pair)
     for number in range(1, most + 1):
-        where = choose(replace(pool, captures=taken), sorted({station_of(c) for c in left}))
+        where = choose(rivals, sorted({station_of(c) for c in left}))
         taken.append(left.pop(next(k for k, c in enumerate(left) if station_of(c) == where)))
-        if is_right(replace(pool, captures=taken), pair):
+        rivals = Rivals(replace(pool, captures=taken), pair)
+        if rivals.are_told_apart:
             return number
     return most + 1
 
@@ -91,17 +101,17 @@ def captures_needed(pool, pair, choose, most):
 def random_choice(pair, run):
     """Return the choice of a station at random, seeded by the pair and the run."""
     rng = nominal.rng_of("random stations", *pair, run)
-    return lambda case, left: left[rng.integers(len(left))]
+    return lambda rivals, left: left[rng.integers(len(left))]
 
 
 def measure(hidden, rival, strength, scratch, runs, most):
-    """Return (captures needed where suggested, at random (runs,)) of a pair; None where the first verdict is right."""
+    """Return (captures needed where suggested, at random (runs,)) of a pair; None where the first captures tell."""
     pair = hidden, rival
     first = measured(scratch / "first", hidden, strength, START)
-    if is_right(first, pair):
+    if Rivals(first, pair).are_told_apart:
         return None
     pool = measured(scratch / "all", hidden, strength, STATIONS)
-    by_suggestion = captures_needed(pool, pair, lambda case, left: suggested(case, pair), most)
+    by_suggestion = captures_needed(pool, pair, lambda rivals, left: rivals.suggested(), most)
     at_random = [captures_needed(pool, pair, random_choice(pair, run), most) for run in range(runs)]
     return by_suggestion, at_random
 
@@ -122,15 +132,15 @@ def main():
             outcome = measure(*pair, Path(scratch) / "_".join(pair[:2]), a.runs, a.most)
             if outcome:
                 rows.append([*pair[:2], *outcome])
-                tqdm.write(f"{rows[-1]}")
+                print(rows[-1], flush=True)
     print(tabulate(rows, ["hidden", "rival", "suggested", "at random"], tablefmt="github"))
     by_suggestion = sum(row[2] for row in rows)
     at_random = sum(np.mean(row[3]) for row in rows)
     pairs = f"of {len(rows)} pairs"
     record(
         [
-            ("next station: captures until the verdict is right, where suggested", by_suggestion / len(rows), pairs),
-            ("next station: captures until the verdict is right, at random", at_random / len(rows), pairs),
+            ("next station: captures until the first name is right, where suggested", by_suggestion / len(rows), pairs),
+            ("next station: captures until the first name is right, at random", at_random / len(rows), pairs),
             ("next station: suggested over random", by_suggestion / at_random, "of the captures"),
         ]
     )
