@@ -8,6 +8,8 @@ from reporting.metrics import is_flipped, relative_rotvec_deg
 from rig.geometry import split_pose
 from rig.plates import marker_corners_plate
 
+MEDIANS = {k: chi2.median(k) for k in (1, 2, 3)}  # of chi-square by its degrees of freedom
+
 
 def poses_from(corners, code_m, K):
     """Return (rvec (n, 3), tvec (n, 3), rvec of the other solution (n, 3)) of corners (n, 4, 2), NaN where there is none."""
@@ -76,7 +78,7 @@ def ratio_of(squares, directions):
     """
     squares = np.asarray(squares, float)
     squares = squares[np.isfinite(squares)]
-    return float(np.sqrt(np.median(squares) / chi2.median(directions))) if len(squares) else np.nan
+    return float(np.sqrt(np.median(squares) / MEDIANS[directions])) if len(squares) else np.nan
 
 
 def spread_of(values):

@@ -8,14 +8,17 @@ import numpy as np
 import pandas as pd
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter, NullLocator
 
 from poses_study.errors import ratio_of
 from poses_study.views import HEIGHT_PX, WIDTH_PX
 
 EMPTY = "#d7dbe0"
-FEWEST = 3  # poses of a cell that is drawn
+POSES_A_CELL, FEWEST = 12, 3  # about so many; in a cell that is drawn
+ARC = 8  # straight pieces of a cell's arc in a round map
 STYLE = {"font.size": 9, "axes.titlesize": 10, "axes.titlelocation": "left", "font.family": "DejaVu Sans"}
-DPI = 120
+TICKS = (0.01, 0.03, 0.1, 0.25, 0.5, 1, 2, 4, 10, 30)  # of logarithmic colours
+WIDTH_IN, HEAD_IN, ROW_IN, DPI = 13, 0.95, 2.75, 120
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,7 @@ def _percent(values):
 
 
 def _median_size(values):
-    return values.abs().median()
+    return np.median(np.abs(values))
 
 
 def _ratio(directions):
@@ -85,15 +88,17 @@ class Plane:
 
 
 def planes_of(poses, steepest_deg):
-    """Return the Planes for a table of poses."""
-    near, far = poses.distance_m.min(), poses.distance_m.max()
-    distances = np.geomspace(near, far * (1 + 1e-9), 9)
-    angles = np.linspace(0, steepest_deg, 9)
-    turns, rings = np.linspace(0, 360, 13), np.linspace(0, steepest_deg, 7)
-    columns, rows = np.linspace(0, WIDTH_PX, 9) - 0.5, np.linspace(0, HEIGHT_PX, 7) - 0.5
+    """Return the Planes for a table of poses, the finer the more there are."""
+    n = int(np.clip(np.sqrt(len(poses) / POSES_A_CELL), 2, 24))
+    distances = np.geomspace(poses.distance_m.min(), poses.distance_m.max(), n + 1)
+    angles, rings = (np.linspace(0, steepest_deg, k + 1) for k in (n, max(n // 2, 2)))
+    turns = np.linspace(0, 360, n + 1)
+    columns, rows = np.linspace(0, WIDTH_PX, n + 1) - 0.5, np.linspace(0, HEIGHT_PX, n + 1) - 0.5
     return (
         Plane("obliqueness, deg × distance, m", "obliqueness_deg", "distance_m", angles, distances, log_y=True),
-        Plane("azimuth × obliqueness of the camera", "azimuth_deg", "obliqueness_deg", turns, rings, polar=True),
+        Plane(
+            "from where it is seen", "azimuth_deg", "obliqueness_deg", np.linspace(0, 360, 2 * n + 1), rings, polar=True
+        ),
         Plane("place in the image, px", "x_px", "y_px", columns, rows, down=True),
         Plane("roll × obliqueness, deg", "roll_deg", "obliqueness_deg", turns, angles),
     )
@@ -101,16 +106,21 @@ def planes_of(poses, steepest_deg):
 
 def cells_of(images, measure, plane):
     """Return the numbers (y cells, x cells) of a Measure over a Plane; NaN where fewer than FEWEST poses tell."""
-    chosen = {"all": slice(None), "found": images.found, "good": images.found & ~images.flipped}[measure.of]
-    images = images.loc[chosen]
-    images = images[images[measure.column].notna()]
-    column = np.clip(np.searchsorted(plane.x_edges, images[plane.x], side="right") - 1, 0, len(plane.x_edges) - 2)
-    row = np.clip(np.searchsorted(plane.y_edges, images[plane.y], side="right") - 1, 0, len(plane.y_edges) - 2)
-    numbers = np.full((len(plane.y_edges) - 1, len(plane.x_edges) - 1), np.nan)
-    for (r, c), group in images.groupby([pd.Series(row, images.index), pd.Series(column, images.index)]):
-        if group.pose.nunique() >= FEWEST:
-            numbers[r, c] = measure.reduce(group[measure.column])
-    return numbers
+    chosen = {"all": images.found | True, "found": images.found, "good": images.found & ~images.flipped}[measure.of]
+    images = images[chosen & images[measure.column].notna()]
+    shape = (len(plane.y_edges) - 1, len(plane.x_edges) - 1)
+    row, column = (
+        np.clip(np.searchsorted(edges, images[name].to_numpy(), side="right") - 1, 0, len(edges) - 2)
+        for edges, name in ((plane.y_edges, plane.y), (plane.x_edges, plane.x))
+    )
+    cell = row * shape[1] + column
+    order = np.argsort(cell, kind="stable")
+    values, poses = images[measure.column].to_numpy()[order], pd.factorize(images.pose)[0][order]
+    numbers = np.full(shape[0] * shape[1], np.nan)
+    for part in np.split(np.arange(len(order)), np.flatnonzero(np.diff(cell[order])) + 1):
+        if len(np.unique(poses[part])) >= FEWEST:
+            numbers[cell[order[part[0]]]] = measure.reduce(values[part])
+    return numbers.reshape(shape)
 
 
 def draw_maps(images_of, name, poses, steepest_deg):
@@ -119,33 +129,38 @@ def draw_maps(images_of, name, poses, steepest_deg):
     images_of  {detector: table of measures.image_table}
     """
     measure, planes = MEASURES[name], planes_of(poses, steepest_deg)
+    height = HEAD_IN + ROW_IN * len(images_of)
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(13, 0.7 + 2.9 * len(images_of)), layout="constrained")
+        figure = Figure(figsize=(WIDTH_IN, height))
+        grid = figure.add_gridspec(
+            len(images_of), len(planes), left=0.06, right=0.985, bottom=0.35 / height, top=1 - HEAD_IN / height,
+            wspace=0.22, hspace=0.2,
+        )  # fmt: skip
         for k, (detector, images) in enumerate(images_of.items()):
             for j, plane in enumerate(planes):
-                place = (len(images_of), len(planes), k * len(planes) + j + 1)
-                axes = figure.add_subplot(*place, projection="polar" if plane.polar else None)
+                axes = figure.add_subplot(grid[k, j], projection="polar" if plane.polar else None)
                 mesh = _draw_panel(axes, cells_of(images, measure, plane), measure, plane)
-                axes.set_title(plane.title if k == 0 else "")
+                if k == 0:
+                    axes.set_title(plane.title, pad=8)
                 if j == 0:
                     axes.set_ylabel(detector, fontweight="bold", fontsize=11)
-        bar = figure.colorbar(mesh, ax=figure.axes, location="top", aspect=70, shrink=0.6, extend=_extend(measure))
-        bar.set_label(measure.title, fontsize=11)
-        if isinstance(measure.norm, LogNorm):
-            bar.ax.xaxis.set_major_formatter("{x:g}")
+        bar_place = figure.add_axes((0.3, 1 - 0.3 / height, 0.4, 0.13 / height))
+        extend = "both" if isinstance(measure.norm, LogNorm) else "neither"
+        ticks = [t for t in TICKS if measure.norm.vmin <= t <= measure.norm.vmax] if extend == "both" else None
+        bar = figure.colorbar(mesh, cax=bar_place, orientation="horizontal", extend=extend, ticks=ticks)
+        bar.ax.xaxis.set_major_formatter("{x:g}")
+        bar.ax.xaxis.set_minor_formatter(NullFormatter())
         file = io.BytesIO()
         figure.savefig(file, format="png", dpi=DPI, metadata={"Software": None})
     return file.getvalue()
 
 
-def _extend(measure):
-    return "both" if isinstance(measure.norm, LogNorm) else "neither"
-
-
 def _draw_panel(axes, numbers, measure, plane):
     """Draw one map; return what a colour bar is made of."""
     colours = matplotlib.colormaps[measure.colours].with_extremes(bad=EMPTY)
-    x = np.radians(plane.x_edges) if plane.polar else plane.x_edges
+    x = plane.x_edges
+    if plane.polar:
+        x, numbers = np.radians(np.linspace(0, 360, ARC * (len(x) - 1) + 1)), np.repeat(numbers, ARC, axis=1)
     axes.grid(False)
     mesh = axes.pcolormesh(x, plane.y_edges, np.ma.masked_invalid(numbers), cmap=colours, norm=measure.norm)
     axes.set_facecolor(EMPTY)
@@ -153,14 +168,14 @@ def _draw_panel(axes, numbers, measure, plane):
         axes.set_yscale("log")
         ticks = [tick for tick in (0.3, 0.5, 1, 2, 3, 5, 10) if plane.y_edges[0] <= tick <= plane.y_edges[-1]]
         axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
-        axes.yaxis.set_minor_locator(matplotlib.ticker.NullLocator())
+        axes.yaxis.set_minor_locator(NullLocator())
     if plane.polar:
-        axes.set_xticks(np.radians([0, 90, 180, 270]), ["right", "above", "left", "below"])
-        axes.set_yticks(plane.y_edges[2::2], [f"{edge:.0f}°" for edge in plane.y_edges[2::2]])
+        axes.set_xticks(np.radians([0, 90, 180, 270]), ["right", "", "left", "below"])
+        axes.set_yticks([30, 60], ["30°", "60°"])
         axes.tick_params(axis="y", labelsize=7)
     if plane.down:
         axes.invert_yaxis()
         axes.set_aspect("equal")
-    if plane.x in ("roll_deg",):
+    if plane.x == "roll_deg":
         axes.set_xticks([0, 90, 180, 270, 360])
     return mesh

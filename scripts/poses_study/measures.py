@@ -11,6 +11,8 @@ from reporting.metrics import wilson_interval
 MAD = 1.4826  # from a median of absolute values to a standard deviation
 TURN = ["turn_x_deg", "turn_y_deg", "turn_z_deg"]
 OFF = [f"d{name}" for name in CORNERS]
+SCATTER = ["distance_scatter_m", "distance_predicted_m", "rotation_scatter_deg", "rotation_predicted_deg"]
+DIRECTIONS = {"distance": 1, "rotation": 3}
 
 
 def image_table(sightings, poses, code_m):
@@ -21,47 +23,55 @@ def image_table(sightings, poses, code_m):
                 distance_scatter_m, rotation_scatter_deg, and distance_predicted_m, rotation_predicted_deg from corner_px
     *_scatter2, *_error2  squares of deviations from the mean, and of errors, in the unit of what corners of 1 px predict
     """
-    merged = sightings.merge(poses, on="pose", validate="many_to_one")
-    family, number = merged.dictionary.iloc[0], int(merged.id.iloc[0])
-    parts = [_of_pose(group.copy(), family, number, code_m) for _, group in merged.groupby("pose", sort=True)]
-    return pd.concat(parts, ignore_index=True)
-
-
-def _of_pose(images, family, number, code_m):
-    """Return the images of one pose with what image_table adds."""
-    row = next(images.itertuples())
-    T, true = pose_of(row), true_corners(family, number, row)
+    images = sightings.merge(poses, on="pose", validate="many_to_one").sort_values(["pose", "draw"], ignore_index=True)
+    family, number = images.dictionary.iloc[0], int(images.id.iloc[0])
     corners = images[CORNERS].to_numpy(float).reshape(-1, 4, 2)
-    errors = pose_errors(corners, T, true, code_m, K)
-    images["side_px"] = np.linalg.norm(true - np.roll(true, 1, axis=0), axis=1).mean()
-    images["found"] = np.isfinite(errors["distance_error_m"])
-    images["flipped"] = errors["flipped"]
-    images["distance_error_m"] = errors["distance_error_m"]
-    images["distance_error_pct"] = 100 * errors["distance_error_m"] / row.distance_m
-    images[TURN] = errors["rotvec_deg"]
-    images["rotation_error_deg"] = np.linalg.norm(errors["rotvec_deg"], axis=1)
-    images[OFF] = (corners - true).reshape(-1, 8)
-    return _with_scatter(images, *unit_covariances(T, code_m, K))
+    parts = []
+    for where in images.groupby("pose").indices.values():
+        row = images.iloc[where[0]]
+        T, true = pose_of(row), true_corners(family, number, row)
+        parts.append(_of_pose(corners[where], T, true, code_m))
+    told = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    for names, name in ((TURN, "rotvec_deg"), (OFF, "off")):
+        told |= dict(zip(names, told.pop(name).T, strict=True))
+    told["distance_error_pct"] = 100 * told["distance_error_m"] / images.distance_m.to_numpy()
+    return pd.concat([images, pd.DataFrame(told)], axis=1)
 
 
-def _with_scatter(images, distance_var, turn_cov):
-    """Add what image_table says of scatter, from the covariances for corners off by 1 px."""
-    good = images.found & ~images.flipped
-    off, turn = images.loc[good, OFF].to_numpy(), images.loc[good, TURN].to_numpy()
-    distance = images.loc[good, ["distance_error_m"]].to_numpy()
-    corner = spread_of(off) / np.sqrt(len(OFF))
-    images["corner_px"] = corner
-    images["distance_scatter_m"], images["rotation_scatter_deg"] = spread_of(distance), spread_of(turn)
-    images["distance_predicted_m"] = corner * np.sqrt(distance_var)
-    images["rotation_predicted_deg"] = corner * np.sqrt(np.trace(turn_cov))
-    for name, values, cov in (("distance", distance, np.array([[distance_var]])), ("rotation", turn, turn_cov)):
-        images[f"{name}_error2"] = images[f"{name}_scatter2"] = np.nan
-        images.loc[good, f"{name}_error2"] = squared_lengths(values, cov)
-        if good.sum() > 1 and corner > 0:
+def _of_pose(corners, T, true, code_m):
+    """Return {name: (n, ...)} of what image_table adds for the corners (n, 4, 2) of one pose."""
+    told = pose_errors(corners, T, true, code_m, K)
+    told["off"] = (corners - true).reshape(-1, 8)
+    told["found"] = np.isfinite(told["distance_error_m"])
+    told["rotation_error_deg"] = np.linalg.norm(told["rotvec_deg"], axis=1)
+    side_px = np.linalg.norm(true - np.roll(true, 1, axis=0), axis=1).mean()
+    once = {"side_px": side_px} | _add_scatter(told, *unit_covariances(T, code_m, K))
+    return told | {name: np.full(len(corners), value) for name, value in once.items()}
+
+
+def _add_scatter(told, distance_var, turn_cov):
+    """Add the squares that image_table tells, return its scatter, from the covariances for corners off by 1 px."""
+    good = told["found"] & ~told["flipped"]
+    n, corner = good.sum(), spread_of(told["off"][good]) / np.sqrt(len(OFF))
+    once = {
+        "corner_px": corner,
+        "distance_predicted_m": corner * np.sqrt(distance_var),
+        "rotation_predicted_deg": corner * np.sqrt(np.trace(turn_cov)),
+    }
+    kinds = (
+        ("distance", "m", told["distance_error_m"][good, None], np.array([[distance_var]])),
+        ("rotation", "deg", told["rotvec_deg"][good], turn_cov),
+    )
+    for name, unit, values, cov in kinds:
+        once[f"{name}_scatter_{unit}"] = spread_of(values)
+        for square in ("error2", "scatter2"):
+            told[f"{name}_{square}"] = np.full(len(good), np.nan)
+        told[f"{name}_error2"][good] = squared_lengths(values, cov)
+        if corner > 0:
             # the mean of few takes part of their scatter with it
-            missing = (len(values) - 1) / len(values) * corner**2
-            images.loc[good, f"{name}_scatter2"] = squared_lengths(values - values.mean(axis=0), cov) / missing
-    return images
+            left = (n - 1) / n * corner**2
+            told[f"{name}_scatter2"][good] = squared_lengths(values - values.mean(axis=0), cov) / left
+    return once
 
 
 def corner_sigma(images):
@@ -81,29 +91,17 @@ def with_trust(images):
 def by_pose(images):
     """Return a row a pose of one family and detector: where, how often found and flipped, errors without flips, scatter."""
     keys = ["dictionary", "id", "pose", "detector"]
-    rows = []
-    for _, group in images.groupby("pose", sort=True):
-        good = group[group.found & ~group.flipped]
-        first = group.iloc[0]
-        rows.append(
-            first[[*keys, *PLACES, "side_px"]].to_dict()
-            | {
-                "draws": len(group),
-                "found": int(group.found.sum()),
-                "flipped": int(group.flipped.sum()),
-                "false_ids": int(group.false_ids.sum()),
-                "corner_error_px": float(np.sqrt((good[OFF].to_numpy() ** 2).mean())) if len(good) else np.nan,
-                "distance_error_m": good.distance_error_m.mean(),
-                "rotation_error_deg": good.rotation_error_deg.mean(),
-                "corner_scatter_px": first.corner_px,
-            }
-            | {name: first[name] for name in SCATTER}
-        )
-    return pd.DataFrame(rows)
-
-
-SCATTER = [f"{name}_{what}" for name in ("distance", "rotation") for what in ("scatter", "predicted")]
-SCATTER = [f"{name}_{'m' if name.startswith('distance') else 'deg'}" for name in SCATTER]
+    grouped = images.groupby("pose", sort=True)
+    table = grouped[[*keys, *PLACES, "side_px"]].first().set_index("pose", drop=False).rename_axis(None)
+    table["draws"] = grouped.size()
+    for name in ("found", "flipped", "false_ids"):
+        table[name] = grouped[name].sum().astype(int)
+    good = images[images.found & ~images.flipped]
+    mean = good.assign(square=(good[OFF] ** 2).mean(axis=1)).groupby("pose")
+    table["corner_error_px"] = np.sqrt(mean.square.mean())
+    for name in ("distance_error_m", "rotation_error_deg"):
+        table[name] = mean[name].mean()
+    return table.join(grouped[["corner_px", *SCATTER]].first()).rename(columns={"corner_px": "corner_scatter_px"})
 
 
 def by_detector(images):
@@ -135,9 +133,6 @@ def by_detector(images):
         **{f"{name}_scatter_ratio": ratio_of(images[f"{name}_scatter2"], n) for name, n in DIRECTIONS.items()},
         **{f"{name}_error_ratio": ratio_of(images[f"{name}_error2"], n) for name, n in DIRECTIONS.items()},
     }
-
-
-DIRECTIONS = {"distance": 1, "rotation": 3}
 
 
 def _share(name, share, count):
