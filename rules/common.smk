@@ -543,8 +543,7 @@ POSES_FOLDER = "results/poses_study"
 POSES = config["poses_study"]
 POSE_TRACKERS = config["detectors"] | POSES["trackers"]
 POSE_RANGES = {
-    "count": POSES["poses"],
-    **{name: POSES[name] for name in ("nearest_m", "farthest_m", "steepest_deg")},
+    name: POSES[name] for name in ("nearest_m", "farthest_m", "steepest_deg")
 }
 
 

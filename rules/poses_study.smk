@@ -35,7 +35,7 @@ rule study_poses:
         number=POSES["id"],
         detectors=POSE_TRACKERS,
         draws=POSES["draws"],
-        poses=POSE_RANGES,
+        ranges=POSE_RANGES,
         seed=config["seed"],
         pins=locked(
             "opencv-contrib-python-headless", "numpy", "scipy", "numba", "pandas"
@@ -63,7 +63,8 @@ rule map_poses:
     params:
         families=POSES["families"],
         draws=POSES["draws"],
-        poses=POSE_RANGES,
+        poses=POSES["poses"],
+        ranges=POSE_RANGES,
         seed=config["seed"],
         pins=locked(
             "opencv-contrib-python-headless",

@@ -84,22 +84,22 @@ def page_of_family(family, images_of, tables, pictures, seed):
     return {"family": family, "maps": maps, "parts": parts}
 
 
-def map_poses(sightings, families, draws, poses, seed, out):
+def map_poses(sightings, families, draws, count, ranges, seed, out):
     """Write poses.csv, detectors.csv, maps/FAMILY/MEASURE.png and report.html of the study's sightings to a folder.
 
     sightings  paths of study_poses' tables
     draws      images of a pose
-    poses      keywords of views.pose_table: count and ranges
+    count, ranges  of views.pose_table
     """
     out = Path(out)
     seen = pd.concat([read_table(path, SIGHTINGS) for path in sightings], ignore_index=True)
-    places, pose_rows, detector_rows, sections = pose_table(**poses, seed=seed), [], [], []
+    places, pose_rows, detector_rows, sections = pose_table(count, **ranges, seed=seed), [], [], []
     for family in families:
         images_of = images_of_family(seen[seen.dictionary == family], places)
         tables = {detector: by_pose(images) for detector, images in images_of.items()}
         pose_rows += tables.values()
         detector_rows += [by_detector(images) for images in images_of.values()]
-        pictures = {name: draw_maps(images_of, name, places, poses["steepest_deg"]) for name in MEASURES}
+        pictures = {name: draw_maps(images_of, name, places, ranges["steepest_deg"]) for name in MEASURES}
         for name, png in pictures.items():
             with job.write_atomically(out / f"maps/{family}/{name}.png", "wb") as file:
                 file.write(png)
@@ -113,7 +113,8 @@ def map_poses(sightings, families, draws, poses, seed, out):
         title="Where can a marker's pose be trusted?",
         detectors=detectors.to_dict("records"),
         sections=sections,
-        poses=poses,
+        count=count,
+        ranges=ranges,
         draws=draws,
         print_cm=100 * PRINT_M,
     )
@@ -129,7 +130,8 @@ if __name__ == "__main__":
         sightings=snakemake.input.sightings,
         families=snakemake.params.families,
         draws=snakemake.params.draws,
-        poses=snakemake.params.poses,
+        count=snakemake.params.poses,
+        ranges=snakemake.params.ranges,
         seed=snakemake.params.seed,
         out=Path(snakemake.output.page).parent,
     )

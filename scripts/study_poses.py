@@ -40,7 +40,7 @@ def sighting(found, family, number, place):
     return corners, len(found) - len(right)
 
 
-def study_poses(family, part, families, number, detectors, draws, poses, seed, out):
+def study_poses(family, part, families, number, detectors, draws, ranges, seed, out):
     """Write what detectors saw of a part of the poses.
 
     family     that is shown; ``families`` are sought in every image
@@ -48,13 +48,13 @@ def study_poses(family, part, families, number, detectors, draws, poses, seed, o
     number     id of the marker
     detectors  {name: parameters}, of which those that read the family look
     draws      images of a pose, each with noise of its own
-    poses      keywords of views.pose_table: count and ranges
+    ranges     keywords of views.pose_table besides its count: more poses leave the first ones as they are
     """
     able = contract.readers(sorted(detectors), [family], "configuration: poses_study")
     finders = {name: contract.make(name, families, detectors[name], f"detectors.{name}") for name in able}
     noise = [study_noise(draw, seed) for draw in range(draws)]
     scene, rows = scene_of(family, number), []
-    for row in pose_table(**poses, seed=seed).iloc[slice(*part)].itertuples():
+    for row in pose_table(part[1], **ranges, seed=seed).iloc[part[0] :].itertuples():
         view = view_of(row)
         levels, place = expected_levels(scene, view), place_of(family, number, view)
         for draw, grain in enumerate(noise):
@@ -77,7 +77,7 @@ if __name__ == "__main__":
         number=snakemake.params.number,
         detectors=snakemake.params.detectors,
         draws=snakemake.params.draws,
-        poses=snakemake.params.poses,
+        ranges=snakemake.params.ranges,
         seed=snakemake.params.seed,
         out=snakemake.output[0],
     )

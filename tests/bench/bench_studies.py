@@ -17,6 +17,10 @@ STUDIES = {
         "id study, 2,024 ids in 20 views by three trackers: wall time",
         "id study, 2,024 ids in 20 views by three trackers: CPU time",
     ),
+    "poses_study": (
+        "pose study, 2,000 poses drawn five times, by three trackers: wall time",
+        "pose study, 2,000 poses drawn five times, by three trackers: CPU time",
+    ),
 }
 
 
