@@ -44,10 +44,10 @@ def images_of_family(sightings, poses):
     }
 
 
-def telling_poses(table, images):
+def telling_poses(table):
     """Return [(words, rows of a pose table)] of one detector that are worth a look: missed although large, flipped, worst."""
-    missed = table[table.found == 0].sort_values(["side_px", "pose"], ascending=[False, True])
-    flipped = table[table.flipped > 0].sort_values(["flipped", "pose"], ascending=[False, True])
+    large = table.sort_values(["side_px", "pose"], ascending=[False, True])
+    missed, flipped = large[large.found == 0], large[large.flipped > 0]
     worst = table[table.rotation_error_deg.notna()].sort_values(["rotation_error_deg", "pose"], ascending=[False, True])
     kinds = (("missed, the largest", missed), ("flipped, the largest", flipped), ("most turned, not flipped", worst))
     return [(words, rows.head(SHOWN)) for words, rows in kinds if len(rows)]
@@ -73,11 +73,11 @@ def data_uri(png):
     return "data:image/png;base64," + base64.b64encode(png).decode()
 
 
-def page_of_family(family, images_of, tables, pictures, seed):
+def page_of_family(family, tables, pictures, seed):
     """Return what the page shows of a family: maps, and a detector's telling poses with pictures."""
     parts = []
     for detector, table in tables.items():
-        for words, rows in telling_poses(table, images_of[detector]):
+        for words, rows in telling_poses(table):
             shown = [row._asdict() | {"picture": picture(row, seed)} for row in rows.itertuples(index=False)]
             parts.append({"detector": detector, "words": words, "rows": shown})
     maps = [{"title": MEASURES[name].title, "picture": data_uri(png), "name": name} for name, png in pictures.items()]
@@ -103,7 +103,7 @@ def map_poses(sightings, families, draws, count, ranges, seed, out):
         for name, png in pictures.items():
             with job.write_atomically(out / f"maps/{family}/{name}.png", "wb") as file:
                 file.write(png)
-        sections.append(page_of_family(family, images_of, tables, pictures, seed))
+        sections.append(page_of_family(family, tables, pictures, seed))
     detectors = pd.DataFrame(detector_rows)
     for name, table in (("poses", pd.concat(pose_rows)), ("detectors", detectors)):
         with job.write_atomically(out / f"{name}.csv") as file:

@@ -9,7 +9,7 @@ from detectors.contract import Detection, estimate_poses
 from effects.encoding import srgb_encode
 from id_study.views import study_marker
 from inputs.tables import CORNERS
-from map_poses import map_poses
+from map_poses import map_poses, telling_poses
 from poses_study.errors import corner_jacobian, pose_errors, ratio_of, unit_covariances
 from poses_study.maps import MEASURES, Plane, cells_of, draw_maps
 from poses_study.measures import by_detector, by_pose, corner_sigma, image_table, with_trust
@@ -193,6 +193,10 @@ def test_a_steady_error_is_no_scatter():
     told = by_detector(with_trust(image_table(steady, table, CODE_M)))
     assert told["corner_scatter_px"] == 0 and np.isnan(told["distance_scatter_ratio"])
     assert told["distance_bias_pct"] > 0.5 and told["distance_error_ratio"] > 1
+    rng = np.random.default_rng(3)
+    noisy = steady.assign(**{name: steady[name] + rng.normal(0, 0.05, len(steady)) for name in CORNERS})
+    told = by_detector(with_trust(image_table(noisy, table, CODE_M)))
+    assert 0.7 < told["distance_scatter_ratio"] < 1.3 and told["distance_error_ratio"] > 1
 
 
 def test_ratios_are_one_for_a_normal_distribution():
@@ -227,6 +231,7 @@ def test_flips_and_misses_are_counted_and_in_no_error():
     assert told["coverage_pct_low"] < 70 and told["coverage_pct_high"] < 99
     assert np.isclose(told["flip_rate_pct"], 100 * 2 / 36)
     assert told["rotation_error_95_deg"] < 0.01 and told["distance_error_95_pct"] < 0.01
+    assert rows.rotation_scatter_deg.max() < 0.01 and rows.corner_scatter_px.max() < 0.01
     assert rows.found.tolist() == [0] + [4] * 9 and rows.flipped.tolist() == [0, 2] + [0] * 8
     assert rows.rotation_error_deg.isna().tolist() == [True] + [False] * 9 and rows.rotation_error_deg.max() < 0.01
 
@@ -264,6 +269,23 @@ def test_nothing_found_is_told_and_drawn(tmp_path):
     assert set(made[0]) == {"poses.csv", "detectors.csv", "report.html"} | {f"maps/{FAMILY}/{m}.png" for m in MEASURES}
     page = made[0]["report.html"]
     assert b"missed, the largest" in page and b">nan" not in page and b" nan" not in page
+
+
+def test_poses_shown_are_the_largest_that_failed():
+    """Fails if small markers, which everybody misses, are shown in the place of large ones, or good poses as bad ones."""
+    table = pd.DataFrame(
+        {
+            "pose": [f"p{k}" for k in range(9)],
+            "side_px": [10.0, 50, 40, 30, 20, 60, 70, 80, 90],
+            "found": [0, 0, 0, 0, 0, 0, 5, 5, 5],
+            "flipped": [0] * 6 + [5, 1, 0],
+            "rotation_error_deg": [np.nan] * 7 + [1.0, 2.0],
+        }
+    )
+    shown = {words: rows.pose.tolist() for words, rows in telling_poses(table)}
+    assert shown["missed, the largest"] == ["p5", "p1", "p2", "p3", "p4"]
+    assert shown["flipped, the largest"] == ["p7", "p6"]
+    assert shown["most turned, not flipped"] == ["p8", "p7"]
 
 
 def test_maps_have_a_row_a_detector():
