@@ -64,10 +64,13 @@ def end_with(message):
 
 def check_names(done):
     """Refuse detectors, their parameters and effects that do not exist."""
-    check_choice("detectors", done["detectors"], contract.available())
-    for name, parameters in done["detectors"].items():
-        contract.check_parameters(name, parameters, f"configuration: detectors.{name}")
-        contract.check_packages(name, f"configuration: detectors.{name}")
+    for key in ("detectors", "poses_study.trackers"):
+        *section, last = key.split(".")
+        chosen = done[section[0]][last] if section else done[last]
+        check_choice(key, chosen, contract.available())
+        for name, parameters in chosen.items():
+            contract.check_parameters(name, parameters, f"configuration: {key}.{name}")
+            contract.check_packages(name, f"configuration: {key}.{name}")
     if done["diagnose"]["candidates"]:
         check_choice(
             "diagnose.candidates",
@@ -534,6 +537,51 @@ def study_readings(wildcards):
 def study_detector_code(wildcards):
     """Return the files of all configured detectors and of what they import."""
     return code_of_detectors(config["detectors"])
+
+
+POSES_FOLDER = "results/poses_study"
+POSES = config["poses_study"]
+POSE_TRACKERS = config["detectors"] | POSES["trackers"]
+POSE_RANGES = {
+    name: POSES[name] for name in ("nearest_m", "farthest_m", "steepest_deg")
+}
+
+
+def check_poses():
+    """End with one message where a family, the id or a detector of the study of poses can't be."""
+    families, where = POSES["families"], "configuration: poses_study"
+    try:
+        contract.readers(sorted(POSE_TRACKERS), families, f"{where}.families")
+        for family in families:
+            marker_types.drawing_of(family, POSES["id"])
+        for name in POSES["trackers"]:
+            contract.make(
+                name, families, POSES["trackers"][name], f"{where}.trackers.{name}"
+            )
+    except InputError as error:
+        text = str(error)
+        end_with(text if text.startswith(where) else f"{where}.id: {text}")
+
+
+def part_of_poses(wildcards):
+    """Return [first, after the last] of a job's poses."""
+    first = int(wildcards.batch) * POSES["batch"]
+    return [first, min(first + POSES["batch"], POSES["poses"])]
+
+
+def pose_sightings(wildcards):
+    """Return the sightings of all batches of all families."""
+    check_poses()
+    batches = range(-(-POSES["poses"] // POSES["batch"]))
+    folder = f"{POSES_FOLDER}/sightings"
+    return [
+        f"{folder}/{family}/{k}.csv" for family in POSES["families"] for k in batches
+    ]
+
+
+def pose_tracker_code(wildcards):
+    """Return the files of all detectors of the study of poses and of what they import."""
+    return code_of_detectors(POSE_TRACKERS)
 
 
 MOVING = "results/moving/{moving}"

@@ -36,7 +36,7 @@ def default_yaml():
             if isinstance(value, BaseModel):
                 lines.append(f"{indent}{name}:")
                 write(value, indent + "  ")
-            elif isinstance(value, dict):
+            elif isinstance(value, dict) and value:
                 lines.append(f"{indent}{name}:")
                 lines.extend(f"{indent}  {k}: {json.dumps(v)}" for k, v in value.items())
             else:

@@ -9,7 +9,7 @@ from job_inputs import imported, jobs_of, scripts_of_rules
 from tiny_campaign import board, lay_down
 from workflow_runs import copy_project, edited, planned, pretend
 
-EVERYTHING = ("all", "moving", "blind_trials", "id_study")
+EVERYTHING = ("all", "moving", "blind_trials", "id_study", "poses_study")
 TRIALS = ("blind_trials={single: 1, pair: 0, none: 0, outside: 0, power: 0, whole: 1}",)
 BATCHED = ("detect_batch", "join_detections", "observe_batch", "join_observations")
 CELLS = "diagnose={cells: true}"  # as the rule that looks at them is there then alone

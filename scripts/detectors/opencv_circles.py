@@ -1,6 +1,8 @@
 """Circle grids by OpenCV: blobs, their grid, one plane through their centres.
 
 The centre of a disc's image is not the image of its centre: seen obliquely the corners lean, the more the larger the discs are.
+Of the two ways in which a symmetric grid may lie, the one is taken whose top is further up in the image: a plate that lies
+more than a quarter turn from upright is told half a turn off.
 """
 
 import cv2
@@ -8,7 +10,7 @@ import numpy as np
 
 from detectors._opencv import square_by
 from detectors.contract import Detection, grey_image
-from markers.circle_grid import PATTERN, centres_of
+from markers.circle_grid import centres_of, grid_of
 
 PARAMETERS = {
     # Smallest disc, square pixels: less finds farther grids and more clutter.
@@ -37,16 +39,23 @@ class CircleGridDetector:
 
     def _find(self, grey, papers, family):
         """Return the Detection of a family's grid on one of the papers (boxes), None where none shows it."""
-        columns, rows = map(int, PATTERN.fullmatch(family).groups()[:2])
+        columns, rows, _, alike = grid_of(family)
+        kind = cv2.CALIB_CB_SYMMETRIC_GRID if alike else cv2.CALIB_CB_ASYMMETRIC_GRID
         for x, y, width, height in papers:
             part = np.ascontiguousarray(grey[y : y + height, x : x + width])
-            seen, pixels = cv2.findCirclesGrid(
-                part, (columns, rows), flags=cv2.CALIB_CB_ASYMMETRIC_GRID, blobDetector=self.blobs
-            )
+            seen, pixels = cv2.findCirclesGrid(part, (columns, rows), flags=kind, blobDetector=self.blobs)
             if seen:
                 H, _ = cv2.findHomography(centres_of(family)[0], pixels.reshape(-1, 2) + [x, y])
-                return Detection(family, 0, square_by(H))
+                return Detection(family, 0, upright(square_by(H)) if alike else square_by(H))
         return None
+
+
+def upright(corners):
+    """Return the corners (4, 2) of what looks alike upside down, not mirrored, its top side further up than its bottom side."""
+    (ax, ay), (bx, by) = corners[1] - corners[0], corners[3] - corners[0]
+    if ax * by - ay * bx < 0:
+        corners = corners[[1, 0, 3, 2]]
+    return corners if corners[:2, 1].sum() < corners[2:, 1].sum() else np.roll(corners, 2, axis=0)
 
 
 def _papers(grey):
@@ -62,8 +71,9 @@ def _papers(grey):
 
 
 def reads(family):
-    """Return whether it reads a family of markers."""
-    return PATTERN.fullmatch(family) is not None
+    """Return whether it reads a family of markers: OpenCV finds no symmetric grid whose sides are both odd."""
+    columns, rows, _, alike = grid_of(family) or (1, 1, None, True)
+    return not (alike and columns % 2 and rows % 2)
 
 
 def make_detector(dictionaries, least_area_px=20.0):

@@ -134,6 +134,29 @@ class IdStudy(Settings):
     batch: int = Field(128, ge=1, le=1_000_000, description="ids that one job looks at")
 
 
+class PosesStudy(Settings):
+    """One marker in all six degrees of freedom before a camera, for `snakemake poses_study` (docs/markers.md)."""
+
+    families: list[str] = Field(
+        default_factory=lambda: ["DICT_5X5_1000"],
+        min_length=1,
+        max_length=50,
+        description="families of markers, one after the other in the same poses; all of them are sought in every image",
+    )
+    id: int = Field(0, ge=0, le=1_000_000, description="the marker's id in each family")
+    poses: int = Field(2000, ge=1, le=100_000, description="poses, evenly spread over six degrees of freedom")
+    draws: int = Field(5, ge=2, le=1000, description="images of a pose, each with noise of its own")
+    nearest_m: float = Field(0.4, ge=0.3, le=1000, description="least distance of the camera from the print of 7 cm")
+    farthest_m: float = Field(4.0, ge=0.3, le=1000, description="greatest distance; at 4 m the print is 9.7 px wide")
+    steepest_deg: float = Field(
+        80.0, gt=0, le=88, description="greatest angle between line of sight and marker's normal"
+    )
+    trackers: Detectors = Field(
+        default_factory=dict, description="detectors that look besides those of detectors, with their parameters"
+    )
+    batch: int = Field(250, ge=1, le=1_000_000, description="poses that one job looks at")
+
+
 class Config(Settings):
     """config.yaml"""
 
@@ -162,6 +185,7 @@ class Config(Settings):
     diagnose: Diagnose = Field(default_factory=Diagnose, description="how the missing effect is searched")
     explore: Explore = Field(default_factory=Explore, description="the page to explore, report/explore.html")
     id_study: IdStudy = Field(default_factory=IdStudy, description="which ids of a family are safe")
+    poses_study: PosesStudy = Field(default_factory=PosesStudy, description="where the pose of a marker can be trusted")
     blind_trials: BlindTrials = Field(default_factory=BlindTrials, description="how the search itself is put to trial")
 
 
@@ -178,6 +202,11 @@ def check_config(data):
         config.campaign = None
     elif not config.campaign:
         raise InputError("configuration: neither campaign nor experiment names a folder or file")
+    study = config.poses_study
+    if not study.nearest_m < study.farthest_m:
+        raise InputError(
+            f"configuration: poses_study.nearest_m: {study.nearest_m:g} is not below poses_study.farthest_m, {study.farthest_m:g}"
+        )
     check_choice("aggregate.reference_detector", [config.aggregate.reference_detector], config.detectors)
     return config.model_dump()
 

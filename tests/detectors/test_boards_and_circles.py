@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from detectors import contract
+from detectors.opencv_circles import upright
 from effects.base import Scene, View
 from effects.encoding import srgb_encode
 from gap.predict.synthesis import Prints, coverages, shade
@@ -48,6 +49,32 @@ def test_an_object_is_found_whole_in_one_order(family):
     assert detector.detect(np.full((100, 100), 90, np.uint8)) == []
 
 
+@pytest.mark.parametrize("family", ["CIRCLES_SYMMETRIC_6X4_50", "CIRCLES_SYMMETRIC_4X9_50"])
+def test_a_symmetric_grid_is_found_upright(family):
+    """Fails if its corners are mirrored, exchanged by a quarter turn, or if its top is not what is further up in the image."""
+    detector = contract.make("opencv_circles", [family])
+    for turn, tilt in ((0.15, 90), (-1.2, 90), (1.2, 90), (0.1, 55), (-0.6, 55)):
+        image, corners = seen(family, turn, 0, tilt)
+        (found,) = detector.detect(image)
+        assert np.abs(found.corners - corners).max() < 0.6
+        image, upside_down = seen(family, turn + np.pi, 0, tilt)
+        (found,) = detector.detect(image)
+        assert np.abs(found.corners - np.roll(upside_down, 2, axis=0)).max() < 0.6
+
+
+def test_symmetric_grids_that_opencv_does_not_find_are_not_taken():
+    """Fails if a rig with a grid whose sides are both odd, which OpenCV never finds, is let through to its jobs."""
+    grids = ("CIRCLES_4X11_60", "CIRCLES_SYMMETRIC_6X5_60", "CIRCLES_SYMMETRIC_7X5_60", "DICT_4X4_50")
+    assert [contract.reads("opencv_circles", family) for family in grids] == [True, True, False, False]
+
+
+def test_corners_of_a_symmetric_grid_are_those_of_one_that_stands():
+    """Fails if a mirrored order passes, or a grid that is upside down."""
+    square = np.array([[2, 1], [8, 2], [7, 9], [1, 8]], float)
+    for order in ([0, 1, 2, 3], [2, 3, 0, 1], [1, 0, 3, 2], [3, 2, 1, 0]):
+        np.testing.assert_array_equal(upright(square[order]), square)
+
+
 def test_a_circle_grid_is_found_beside_other_spots():
     """Fails if spots elsewhere in the image, such as another marker's bits, hide a grid."""
     image, corners = seen("CIRCLES_4X11_60", 0.1, 0, 55)
@@ -86,7 +113,11 @@ def test_a_charuco_board_is_opencvs():
 
 
 @pytest.mark.parametrize(
-    "family", ["CHARUCO_7X5_75_DICT_9X9", "CHARUCO_1X5_75_DICT_4X4_50", "CIRCLES_4X10_60", "GRID_4X3_DICT_4X4_50"]
+    "family",
+    [
+        *("CHARUCO_7X5_75_DICT_9X9", "CHARUCO_1X5_75_DICT_4X4_50", "GRID_4X3_DICT_4X4_50"),
+        *("CIRCLES_4X10_60", "CIRCLES_SYMMETRIC_7X7_60", "CIRCLES_SYMMETRIC_11X11_60"),
+    ],
 )
 def test_a_board_that_is_none_is_refused_by_name(family):
     """Fails if a misspelt board, or a grid whose ends cannot be told apart, is drawn all the same."""
