@@ -30,10 +30,10 @@ START = [(0.5, 45), (0.5, 60)]  # stations (m, degrees) of the first captures, t
 STATIONS = [(h, int(t)) for h in HEIGHTS_M for t in TILTS_DEG]
 SIZE, CAMERA = "tiny", "hp325"
 PAIRS = [  # (hidden, rival, strength: some times what is worth a name, far less than what is clear)
-    ("rail_sag", "radial_distortion", 0.35), ("camera_pose_offset", "focal_length", 0.35),
-    ("camera_pose_offset", "principal_point", 0.35), ("rail_sag", "camera_pose_offset", 0.35),
-    ("rail_sag", "marker_scale", 0.35), ("camera_pose_offset", "tangential_distortion", 0.35),
-    ("rail_sag", "focal_length", 0.35), ("camera_pose_offset", "radial_distortion", 0.35),
+    ("rail_sag", "radial_distortion", 0.35), ("camera_pose_offset", "focal_length", 0.7),
+    ("camera_pose_offset", "principal_point", 0.7), ("rail_sag", "camera_pose_offset", 0.35),
+    ("rail_sag", "marker_scale", 0.35), ("camera_pose_offset", "tangential_distortion", 0.7),
+    ("rail_sag", "focal_length", 0.35), ("camera_pose_offset", "radial_distortion", 0.7),
     ("veiling_glare", "ink_reflectance", 0.12), ("lens_blur", "defocus", 0.3), ("field_curvature", "defocus", 0.2),
     ("field_curvature", "lens_blur", 0.2), ("lens_blur", "field_curvature", 0.25), ("tone_curve", "exposure", 0.12),
     ("tone_curve", "veiling_glare", 0.12), ("ink_reflectance", "tone_curve", 0.12), ("denoising", "lens_blur", 0.25),
