@@ -59,6 +59,7 @@ for stage in (
     "moving",
     "blind_trials",
     "id_study",
+    "twin_study",
 ):
     if Path(f"rules/{stage}.smk").is_file():
 
