@@ -81,10 +81,10 @@ def beside_published(table2, variants, published, detectors):
     """Return a row a camera and detector: coverage of the experiment's twins at all stations and what was published; of the
     study's stations without effects, with all, and what the effects take.
     """
-    names = {"coverage_twin_pct": "coverage_pct", "coverage_rig_twin_pct": "coverage_rig_pct", "algorithm": "detector"}
-    names |= {f"coverage_twin_pct_{end}": f"coverage_pct_{end}" for end in ("low", "high")}
-    table = table2.rename(columns=names)[[*KEYS, "n_markers", *names.values()]]
-    table = table.loc[table.detector.isin(detectors), ~table.columns.duplicated()].reset_index(drop=True)
+    names = {"algorithm": "detector", "coverage_rig_twin_pct": "coverage_rig_pct"}
+    names |= {f"coverage_twin_pct{end}": f"coverage_pct{end}" for end in ("", "_low", "_high")}
+    table = table2[["camera", "n_markers", *names]].rename(columns=names)
+    table = table[table.detector.isin(detectors)].reset_index(drop=True)
     table["published_pct"] = table.camera.map(published)
     table["over_published_pct"] = table.coverage_pct - table.published_pct
     at = pd.MultiIndex.from_frame(table[KEYS])

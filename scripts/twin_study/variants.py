@@ -24,8 +24,8 @@ class Variant:
 def variants_of(effects, camera, choices):
     """Return the Variants of a camera whose twin has effects [(name, {parameter: value})].
 
-    choices  with ``open``, ``choice``, ``cameras``, ``effects`` and ``times`` as inputs.twin_study has them; what a twin
-             lacks can't be multiplied, so such a choice is not among its Variants
+    choices  dicts with open, choice, cameras, effects and times as inputs.twin_study.Choice; what a twin lacks can't be
+             multiplied, so such a choice is not among its Variants
     """
     whole = tuple((name, dict(p)) for name, p in effects)
     found = [Variant(IDEAL, "", "", ())]
@@ -33,8 +33,8 @@ def variants_of(effects, camera, choices):
     found += [Variant(WITHOUT, name, "", tuple(e for e in whole if e[0] != name)) for name, _ in whole]
     found.append(Variant(WHOLE, "", "", whole))
     for c in choices:
-        if (not c.cameras or camera in c.cameras) and set(c.times) <= {name for name, _ in whole}:
-            found.append(Variant(CHOICE, c.choice, c.open, changed(whole, c.effects, c.times)))
+        if (not c["cameras"] or camera in c["cameras"]) and set(c["times"]) <= {name for name, _ in whole}:
+            found.append(Variant(CHOICE, c["choice"], c["open"], changed(whole, c["effects"], c["times"])))
     return found
 
 
