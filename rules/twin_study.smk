@@ -63,6 +63,8 @@ rule summarise_study:
         ),
     log:
         f"{RESULTS}/logs/summarise_study.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/summarise_study.tsv"
     conda:
         "../envs/twingap.yaml"
     params:
