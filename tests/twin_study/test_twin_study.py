@@ -21,7 +21,7 @@ BLUR, VIGNETTING = ("lens_blur", {"sigma_px": 8.0}), ("vignetting", {"a2": 0.2})
 SMALL = {
     "experiments/small.yaml": {
         "name": "small",
-        "cameras": {"one": "one.yaml"},
+        "cameras": {"one": "one.yaml", "tele": "one.yaml"},
         "rig": "few.yaml",
         "heights_m": [0.3, 0.4],
         "tilts_deg": [45.0],
@@ -48,6 +48,7 @@ SMALL = {
             {"open": "noise", "choice": "what this twin lacks", "times": {"sensor_noise": {"gain_dn_per_e": 2.0}}},
         ],
     },
+    "twins/small/tele.yaml": {"effects": [{"effect": "focal_length", "parameters": {"ratio": 1.6}}]},
     "twins/small/one.yaml": {"effects": [{"effect": name, "parameters": p} for name, p in (BLUR, VIGNETTING)]},
 }
 SETTINGS = ["--config", "experiment=config/experiments/small.yaml", "render={edge_samples: 16, overscan: 0.0}"]
@@ -73,12 +74,12 @@ def studied(tmp_path_factory):
 
 def test_what_the_rows_say_is_what_the_images_had(studied):
     """Fails if "all but" an effect still has it, "only" has others too, or choices start from another twin than the whole."""
-    table = pd.read_csv(studied / "study/ablation.csv").set_index("twin")
+    table = pd.read_csv(studied / "study/ablation.csv").query("camera == 'one'").set_index("twin")
     assert set(table.markers) == {4} and set(table.rig) == {4}
     found = {"no effect": 4, "only lens_blur": 0, "only vignetting": 4, "all but lens_blur": 4, "all but vignetting": 0}
     assert table.found.to_dict() == found | {"all effects": 0}
     assert table.change_pct["only lens_blur"] == -100 and table.change_pct["all but lens_blur"] == 100
-    choices = pd.read_csv(studied / "study/choices.csv").set_index("choice")
+    choices = pd.read_csv(studied / "study/choices.csv").query("camera == 'one'").set_index("choice")
     assert choices.found.to_dict()["next to none"] == 4 and choices.change_pct["next to none"] == 100
     assert choices.nearer_pct["next to none"] == 0  # from 0 to 100 %, and 50 % are published
 
@@ -86,13 +87,16 @@ def test_what_the_rows_say_is_what_the_images_had(studied):
 def test_a_lens_moves_what_counts_as_in_the_picture(studied):
     """Fails if markers are sought where a pinhole would put them, of a choice of the lens or in the run's own tables."""
     table = pd.read_csv(studied / "study/readings/one.csv").set_index("name")
-    assert table.markers["longer"] < 4
+    assert 0 < table.markers["longer"] < 4
+    cells = pd.read_parquet(studied / "aggregate/cells.parquet").query("camera == 'tele' and detector == 'aruco'")
+    low = cells[cells.height_m == 0.3]
+    assert low.available.sum() == low.twin.sum() == table.markers["longer"]
 
 
 def test_a_study_tells_of_the_runs_own_twins(studied):
     """Fails if "all effects" are other images than those of the experiment's Tables 1 and 2."""
     cells = pd.read_parquet(studied / "aggregate/cells.parquet")
-    mine = cells[(cells.detector == "aruco") & (cells.height_m == 0.3) & cells.available]
+    mine = cells.query("camera == 'one' and detector == 'aruco' and height_m == 0.3 and available")
     whole = pd.read_csv(studied / "study/readings/one.csv").query("kind == 'whole'")
     assert (int(whole.markers.sum()), int(whole.found.sum())) == (len(mine), int(mine.twin.sum()))
     page = (studied / "study/study.md").read_text()
@@ -163,7 +167,7 @@ def test_focal_lengths_of_the_papers_choices_are_what_their_words_say():
     [
         ({"heights_m": [0.5]}, ["studies/small.yaml", "heights_m", "0.5", "0.3, 0.4"]),
         ({"detectors": ["bart"]}, ["detectors", "'bart'", "aruco"]),
-        ({"published_pct": {"two": 1.0}}, ["published_pct", "'two'", "one"]),
+        ({"published_pct": {"two": 1.0}}, ["published_pct", "'two'", "one, tele"]),
         ({"choices": [{"open": "a", "choice": "b", "effects": {"haze": {}}}]}, ["entry 1", "unknown effect 'haze'"]),
         (
             {"choices": [{"open": "a", "choice": "b", "times": {"lens_blur": {"px": 2}}}]},
