@@ -116,7 +116,8 @@ def page_of(tables, study):
         "the twin without effects, and in the rows \"all but\" from that with all.\n",
         markdown(tables["ablation"], names | {"twin": "the twin has", "markers": "markers"} | SHOWN | short),
         "\n### What is left open\n\nOne choice at a time in the twin with all effects, the same stations. Nearer: by how many "
-        "percent points coverage comes nearer to the published one; negative: it goes away.\n",
+        "percentage points coverage comes nearer to the published one; negative: it goes away.\n",
+        best_choices(tables["choices"]) + "\n",
         markdown(
             tables["choices"],
             {"open": "left open", "choice": "choice"} | names | {"markers": "markers"} | SHOWN
@@ -134,12 +135,25 @@ def claim(whole):
     for row in whole.itertuples():
         words = (
             f"- {row.camera}, {row.detector}: without effects the twin's coverage is {row.ideal_pct:.1f} %, with all "
-            f"{row.whole_pct:.1f} %: the effects take {row.effects_take_pct:.1f} percent points"
+            f"{row.whole_pct:.1f} %: the effects take {row.effects_take_pct:.1f} percentage points"
         )
         if pd.notna(row.published_pct):
             over = [_over(pct - row.published_pct) for pct in (row.ideal_pct, row.whole_pct)]
             words += f"; of real images {row.published_pct:g} % are published, so they are {over[0]} and {over[1]}"
         lines.append(f"{words}.")
+    return "\n".join(lines)
+
+
+def best_choices(choices):
+    """Return a line a camera and detector: the choice that comes nearest to what was published; empty without any."""
+    lines = []
+    for (camera, detector), mine in choices.dropna(subset="nearer_pct").groupby(KEYS, sort=False):
+        best = mine.loc[mine.nearer_pct.idxmax()]
+        come = "comes nearest" if best.nearer_pct > 0 else "goes away least"
+        lines.append(
+            f'- {camera}, {detector}: {best.open}, "{best.choice}", {come}: {best.coverage_pct:.1f} %, by '
+            f"{best.nearer_pct:.1f} points."
+        )
     return "\n".join(lines)
 
 

@@ -11,7 +11,8 @@ from inputs.safe_yaml import load_yaml
 from inputs.twin_study import Choice, load_study
 from inputs.twins import load_twin
 from rig.errors import InputError
-from summarise_study import ablation_of, by_variant, choices_of
+from summarise_study import ablation_of, best_choices, by_variant, choices_of
+from tiny_campaign import board, lay_down
 from twin_study.variants import variants_of
 from workflow_runs import PROJECT, copy_project, snakemake
 
@@ -133,6 +134,8 @@ def test_tables_are_sums_over_stations():
     assert ablation_of(variants).change_pct.tolist() == [0, -50]
     choices = choices_of(variants, {"a": 80.0})
     assert choices.nearer_pct.tolist() == [20] and choices.nearer_rig_pct.tolist() == [10]
+    assert best_choices(choices) == '- a, d: light, "more", comes nearest: 70.0 %, by 20.0 points.'
+    assert best_choices(choices_of(variants, {})) == ""
 
 
 @pytest.mark.parametrize("path", PRESETS, ids=lambda path: path.stem)
@@ -184,3 +187,20 @@ def test_a_wrong_study_is_refused(tmp_path, change, words):
         load_study(tmp_path / "config/studies/small.yaml", experiment, ["aruco"])
     for word in words:
         assert word in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        ("experiment=config/experiments/carriage.yaml", "config/studies/carriage.yaml: no such file"),
+        ("campaign=board", "a study of twins is of an experiment without photographs"),
+    ],
+)
+def test_a_study_of_nothing_ends_the_plan(studied, source, words):
+    """Fails if a campaign, or an experiment without a study, comes to a job or ends with a traceback."""
+    project = studied.parents[1]
+    if not (project / "board").is_dir():
+        lay_down(project / "board", describe=board)
+    status, said = snakemake(project, "-n", "twin_study", "--config", source)
+    assert status == 1 and [line for line in said.splitlines() if line.startswith("error: ")][0].count(words) == 1
+    assert "Traceback" not in said
