@@ -1,7 +1,11 @@
 """Studies of twins: what the tables say is what was looked at, presets say where each value is from."""
 
+import os
 import re
+import subprocess
+import sys
 
+import cv2
 import pandas as pd
 import pytest
 import yaml
@@ -102,6 +106,17 @@ def test_a_study_tells_of_the_runs_own_twins(studied):
     assert (int(whole.markers.sum()), int(whole.found.sum())) == (len(mine), int(mine.twin.sum()))
     page = (studied / "study/study.md").read_text()
     assert "without effects the twin's coverage is 100.0 %, with all 0.0 %" in page
+
+
+def test_pictures_are_drawn_of_a_studys_run(studied, tmp_path):
+    """Fails if the pictures of `make paper` need what a run and its study do not have."""
+    drawn = [tmp_path / "figure3.png", tmp_path / "effects.png"]
+    command = [sys.executable, PROJECT / "notebooks/paper_picture.py", studied, *drawn]
+    environment = os.environ | {"PYTHONPATH": str(PROJECT / "scripts")}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    sizes = [cv2.imread(str(path)).shape for path in drawn]
+    assert sizes[0][1] > sizes[0][0] > 100 and sizes[1][1] > 700
 
 
 def test_variants_change_one_thing_each():
