@@ -20,7 +20,7 @@ KEYS = ["camera", "detector"]
 VARIANT = ["kind", "name", "open"]
 SUMS = ["markers", "found", "rig", "false_ids"]
 WORDS = {IDEAL: "no effect", WHOLE: "all effects", ALONE: "only {}", WITHOUT: "all but {}", CHOICE: "{}"}
-SHOWN = {"coverage_pct": "of those in the picture, %", "coverage_rig_pct": "of the rig's, %"}
+SHOWN = {"coverage_pct": "picture, %", "coverage_rig_pct": "rig, %"}
 
 
 def with_coverage(table):
@@ -94,39 +94,46 @@ def beside_published(table2, variants, published, detectors):
     return table
 
 
-def markdown(table, columns):
-    """Return a Markdown table of ``columns`` {name: heading}, numbers with one digit after the point."""
-    shown = table[list(columns)].rename(columns=columns)
-    return shown.to_markdown(index=False, floatfmt=".1f", missingval="")
+def markdown(table, keys, values):
+    """Return a Markdown table: a row for each of ``keys`` {name: heading} in the order of the table, for each detector the
+    ``values`` {name: heading}; numbers with one digit after the point.
+    """
+    rows = table[list(keys)].drop_duplicates().rename(columns=keys)
+    for detector, mine in table.groupby("detector", sort=False):
+        shown = mine[[*keys, *values]].rename(columns=keys | {n: f"{detector}: {words}" for n, words in values.items()})
+        rows = rows.merge(shown, how="left", on=list(keys.values()))
+    return rows.to_markdown(index=False, floatfmt=".1f", missingval="")
 
 
 def page_of(tables, study):
     """Return the study in words and tables, Markdown."""
-    names, short = {"camera": "camera", "detector": "detector"}, {"change_pct": "change, %"}
+    camera, markers = {"camera": "camera"}, {"markers": "markers"}
     heights = ", ".join(f"{h:g}" for h in study["heights_m"])
-    whole = tables["coverage"]
+    nearer = {"nearer_pct": "nearer", "nearer_rig_pct": "nearer, rig"}
     parts = [
-        f"### Coverage of the twins beside the published one\n\n{claim(whole)}\n",
+        "### Coverage of the twins beside the published one",
+        "All stations. The twins with all effects; of the markers in the picture, of the rig's, and by how much the former "
+        "exceeds what was published.",
         markdown(
-            whole,
-            names | {"n_markers": "markers in pictures"} | SHOWN
-            | {"published_pct": "published, %", "over_published_pct": "twin less published, %"},
+            tables["coverage"],
+            camera | {"n_markers": "markers", "published_pct": "published, %"},
+            SHOWN | {"over_published_pct": "over"},
         ),
-        f"\n### With and without each effect\n\nStations at {heights} m. The change is of the markers in the picture: from "
-        "the twin without effects, and in the rows \"all but\" from that with all.\n",
-        markdown(tables["ablation"], names | {"twin": "the twin has", "markers": "markers"} | SHOWN | short),
-        "\n### What is left open\n\nOne choice at a time in the twin with all effects, the same stations. Nearer: by how many "
-        "percentage points coverage comes nearer to the published one; negative: it goes away.\n",
-        best_choices(tables["choices"]) + "\n",
-        markdown(
-            tables["choices"],
-            {"open": "left open", "choice": "choice"} | names | {"markers": "markers"} | SHOWN
-            | {"nearer_pct": "nearer, in the picture", "nearer_rig_pct": "nearer, of the rig"},
-        ),
-        "\n### By height\n\nThe twins with all effects at all stations.\n",
-        markdown(tables["heights"], names | {"height_m": "height, m", "markers": "markers"} | SHOWN),
-    ]  # fmt: skip
-    return "\n".join(parts) + "\n"
+        "### With and without each effect",
+        f"Stations at {heights} m. The change is of the markers in the picture: from the twin without effects, and in the rows "
+        '"all but" from that with all.',
+        claim(tables["coverage"]),
+        markdown(tables["ablation"], camera | {"twin": "the twin has"} | markers, SHOWN | {"change_pct": "change"}),
+        "### What is left open",
+        "One choice at a time in the twin with all effects, the same stations. Nearer: by how many percentage points coverage "
+        "comes nearer to the published one; negative: it goes away.",
+        best_choices(tables["choices"]),
+        markdown(tables["choices"], {"open": "left open", "choice": "choice"} | camera | markers, SHOWN | nearer),
+        "### By height",
+        "The twins with all effects at all stations.",
+        markdown(tables["heights"], camera | {"height_m": "height, m"} | markers, SHOWN),
+    ]
+    return "\n\n".join(part for part in parts if part) + "\n"
 
 
 def claim(whole):
@@ -139,7 +146,7 @@ def claim(whole):
         )
         if pd.notna(row.published_pct):
             over = [_over(pct - row.published_pct) for pct in (row.ideal_pct, row.whole_pct)]
-            words += f"; of real images {row.published_pct:g} % are published, so they are {over[0]} and {over[1]}"
+            words += f"; of real images {row.published_pct:g} % are published: {over[0]} without, {over[1]} with them"
         lines.append(f"{words}.")
     return "\n".join(lines)
 
