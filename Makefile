@@ -1,7 +1,7 @@
 # make          environment, embedded campaigns, results; ends with the path of the report
 # make test     all tests
 # make picture  the README's pictures, from the results
-# make paper    the paper at full size, the study of its twins, and their pictures (hours)
+# make paper    the paper at full size, the study of its twins, and their pictures (half an hour to two hours)
 # make board    PDFs to print: a calibration board, the ladders' plates, on A4 and letter
 # make bench    all measurements, and the page docs/benchmarks.md (hours)
 # make bench-slurm  the embedded campaign through a Slurm of one node, against a run without (as root on Debian)
