@@ -108,6 +108,15 @@ def test_a_study_tells_of_the_runs_own_twins(studied):
     assert "without effects the twin's coverage is 100.0 %, with all 0.0 %" in page
 
 
+def test_a_study_gives_equal_bytes_again(studied):
+    """Fails if readings or tables depend on anything but the files and names that they are made of."""
+    files = [path for path in sorted((studied / "study").rglob("*")) if path.is_file()]
+    first = {path: path.read_bytes() for path in files}
+    status, said = snakemake(studied.parents[1], "--cores", 1, "twin_study", "--forcerun", "study_twin", *SETTINGS)
+    assert status == 0 and "study_twin" in said, said[-4000:]
+    assert {path: path.read_bytes() for path in files} == first and len(files) == 7
+
+
 def test_pictures_are_drawn_of_a_studys_run(studied, tmp_path):
     """Fails if the pictures of `make paper` need what a run and its study do not have."""
     drawn = [tmp_path / "figure3.png", tmp_path / "effects.png"]
