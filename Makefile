@@ -1,6 +1,7 @@
 # make          environment, embedded campaigns, results; ends with the path of the report
 # make test     all tests
 # make picture  the README's pictures, from the results
+# make paper    the paper at full size, the study of its twins, and their pictures (half an hour to two hours)
 # make board    PDFs to print: a calibration board, the ladders' plates, on A4 and letter
 # make bench    all measurements, and the page docs/benchmarks.md (hours)
 # make bench-slurm  the embedded campaign through a Slurm of one node, against a run without (as root on Debian)
@@ -26,7 +27,7 @@ ifneq ($(SYSTEM_CERTIFICATES),)
 export SSL_CERT_FILE ?= $(SYSTEM_CERTIFICATES)
 endif
 
-.PHONY: results environment data test picture board bench bench-slurm bench-s3 bench-kills fuzz lint makers lock
+.PHONY: results environment data test picture paper board bench bench-slurm bench-s3 bench-kills fuzz lint makers lock
 
 results: environment data
 	$(BIN)/snakemake --cores $(CORES)
@@ -63,6 +64,10 @@ picture: results
 		-- results/aruco6x6_gridboard/tables/table1.csv
 	PYTHONPATH=scripts $(BIN)/python notebooks/photograph_picture.py results/aruco6x6_gridboard \
 		data/raw/aruco6x6_gridboard aruco6x6_gridboard docs/photographs.png
+
+paper: environment
+	$(BIN)/snakemake --cores $(CORES) all twin_study --config experiment=config/experiments/paper.yaml
+	PYTHONPATH=scripts $(BIN)/python notebooks/paper_picture.py results/paper docs/paper.png docs/paper-effects.png
 
 board: environment
 	$(BIN)/python scripts/print_board.py charuco --out prints/board.pdf

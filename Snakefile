@@ -60,6 +60,7 @@ for stage in (
     "blind_trials",
     "id_study",
     "poses_study",
+    "twin_study",
 ):
     if Path(f"rules/{stage}.smk").is_file():
 

@@ -235,6 +235,14 @@ def distance_bins(range_m, at_most=9):
 
 def heat_map(cells, side, heights, edges, title):
     """Return a figure: share of the markers that ``side`` found, by height and distance; grey: none."""
+    figure, axes = plt.subplots(figsize=(WIDTH_IN, 1.25 + 0.42 * len(heights)))
+    draw_heat_map(axes, cells, side, heights, edges)
+    axes.set_title(title)
+    return figure
+
+
+def draw_heat_map(axes, cells, side, heights, edges):
+    """Draw a ``heat_map`` on axes."""
     n_rows, n_columns = len(heights), len(edges) - 1
     row = (
         cells.height_m.map({h: k for k, h in enumerate(heights)}).to_numpy() if heights[0] is not None else 0 * cells.id
@@ -245,7 +253,6 @@ def heat_map(cells, side, heights, edges, title):
     np.add.at(there, at, 1)
     np.add.at(found, at, cells[side].to_numpy(float))
     share = np.divide(100 * found, there, out=np.full_like(there, np.nan), where=there > 0)
-    figure, axes = plt.subplots(figsize=(WIDTH_IN, 1.25 + 0.42 * n_rows))
     axes.set_facecolor("#EDEDED")
     axes.grid(False)
     axes.pcolormesh(share, cmap="cividis", vmin=0, vmax=100, edgecolors="white", linewidth=1.5)
@@ -255,8 +262,7 @@ def heat_map(cells, side, heights, edges, title):
     axes.set_xticks(range(n_columns + 1), [f"{e:g}" for e in np.round(edges, 3)])
     axes.set_yticks(np.arange(n_rows) + 0.5, ["all" if h is None else f"{h:g}" for h in heights])
     axes.tick_params(length=0)
-    axes.set(xlabel="distance to the marker (m)", ylabel="height (m)", title=title)
-    return figure
+    axes.set(xlabel="distance to the marker (m)", ylabel="height (m)")
 
 
 # --- Figure 4 ----

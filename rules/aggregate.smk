@@ -18,6 +18,7 @@ rule aggregate_detections:
             detector=DETECTORS,
         ),
         code=imports_of("aggregate_detections.py"),
+        effect_code=designed_effect_code,
     output:
         cells=f"{RESULTS}/aggregate/cells.parquet",
         false_ids=f"{RESULTS}/aggregate/false_ids.parquet",
@@ -31,6 +32,7 @@ rule aggregate_detections:
         mem_mb=mem_mb_of("aggregate_detections"),
         runtime=runtime_of("aggregate_detections"),
     params:
+        effects=designed_effects(),
         pins=locked("numpy", "scipy", "pandas", "pandera", "pyarrow"),
     message:
         "Counting what was found of what was there"

@@ -122,7 +122,11 @@ def campaign_files():
     if CAMPAIGN is None:
         return [
             config["experiment"],
-            *map(str, sorted(Path("config").glob("*s/*.yaml"))),
+            *(
+                str(path)
+                for kind in ("cameras", "experiments", "rigs")
+                for path in sorted(Path(f"config/{kind}").glob("*.yaml"))
+            ),
         ]
     names = ["campaign.yaml", SOURCE.file.captures]
     if SOURCE.file.markers:
@@ -263,6 +267,22 @@ def scene_effect_code(wildcards):
 def exposed_effects(wildcards):
     """Return the effects that act after the render."""
     return twin_effects(wildcards.camera, "lens", "shutter", "sensor", "processing")
+
+
+def designed_effects():
+    """Return {camera: [[effect, parameters], ...]} of an experiment's twins: its truth is where their lenses put markers."""
+    if CAMPAIGN:
+        return {}
+    return {
+        camera: twin_effects(camera, "lens", "shutter", "processing")
+        for camera in CAMERAS
+    }
+
+
+def designed_effect_code(wildcards):
+    """Return the code of the effects of an experiment's twins."""
+    used = {name for effects in designed_effects().values() for name, _ in effects}
+    return code_of_effects(sorted(used))
 
 
 def effect_code(wildcards):
@@ -582,6 +602,50 @@ def pose_sightings(wildcards):
 def pose_tracker_code(wildcards):
     """Return the files of all detectors of the study of poses and of what they import."""
     return code_of_detectors(POSE_TRACKERS)
+
+
+TWIN_STUDY = f"{RESULTS}/study"
+TWIN_STUDY_FILE = f"config/studies/{NAME}.yaml"
+
+
+def twin_study():
+    """Return the study of the experiment's twins as a dict; end with one message where there is none or it is wrong."""
+    from inputs.twin_study import load_study
+
+    if CAMPAIGN:
+        end_with(
+            "a study of twins is of an experiment without photographs, such as --config experiment=config/experiments/paper.yaml"
+        )
+    try:
+        return load_study(TWIN_STUDY_FILE, SOURCE, DETECTORS).model_dump()
+    except InputError as error:
+        end_with(error)
+
+
+def twin_study_values(wildcards):
+    """Return what a job on a camera's twins is told of the study."""
+    return twin_study()
+
+
+def twin_study_detectors(wildcards):
+    """Return {detector: parameters} of those that the study looks at."""
+    return {name: config["detectors"][name] for name in twin_study()["detectors"]}
+
+
+def twin_study_code(wildcards):
+    """Return the code of the detectors, and of the effects of a camera's twin and of the choices."""
+    study = twin_study()
+    names = {name for name, _ in exposed_effects(wildcards)}
+    names |= {name for choice in study["choices"] for name in choice["effects"]}
+    return sorted(
+        {*code_of_effects(sorted(names)), *code_of_detectors(study["detectors"])}
+    )
+
+
+def twin_study_readings(wildcards):
+    """Return the readings of all cameras; end with one message where there is no study."""
+    twin_study()
+    return expand(f"{TWIN_STUDY}/readings/{{camera}}.csv", camera=CAMERAS)
 
 
 MOVING = "results/moving/{moving}"

@@ -4,6 +4,7 @@ A detection counts only with the right id and its centre within half a marker of
 false id.
 """
 
+import functools
 import json
 import logging
 from pathlib import Path
@@ -86,23 +87,38 @@ def _pose(row):
     return station_pose(*place) if np.isfinite(place).all() else None
 
 
-def predicted_markers(markers, K, width, height, T_cam_world):
+def predicted_markers(markers, K, width, height, T_cam_world, lens=None):
     """Return where n markers appear: ``centre`` (n, 2), and ``side_px``, ``range_m``, ``available`` (n,).
 
     Available: all four code corners in front of the camera and inside the frame, whose pixels span -0.5 to
-    size - 0.5. The side is the mean of the four, in pixels.
+    size - 0.5. The side is the mean of the four, in pixels. ``lens`` is a function of the pixels (m, 2) of a pinhole to
+    those where its light lands; None: a pinhole.
     """
     world = np.stack([marker_corners_world(m) for m in markers.itertuples()])
     corners = project(K, T_cam_world, world)
-    inside = (corners > -0.5) & (corners < np.array([width, height]) - 0.5)
     centres_world = world.mean(axis=1)
+    centre = project(K, T_cam_world, centres_world)
+    if lens is not None:
+        corners, centre = lens(corners.reshape(-1, 2)).reshape(corners.shape), lens(centre)
+    inside = (corners > -0.5) & (corners < np.array([width, height]) - 0.5)
     edges = corners - np.roll(corners, 1, axis=1)
     return {
-        "centre": project(K, T_cam_world, centres_world),
+        "centre": centre,
         "side_px": np.linalg.norm(edges, axis=2).mean(axis=1),
         "range_m": np.linalg.norm(transform(T_cam_world, centres_world), axis=1),
         "available": inside.all(axis=(1, 2)),
     }
+
+
+def lens_of(K, width, height, shot, effects):
+    """Return the ``lens`` of ``predicted_markers`` that effects [(name, parameters)] make in a shot; None without any."""
+    if not effects:
+        return None
+    from effects import pipeline  # only here: campaigns of photographs do without
+    from effects.base import View
+
+    view = View(K, int(width), int(height), 0, shot["T_registered"], "", shot["capture"], shot["station"])
+    return functools.partial(pipeline.map_points, view=view, chosen=effects)
 
 
 def centres_of(detections):
@@ -168,13 +184,17 @@ def unknown_cells(shot, markers, has_real):
     return markers[MARKER].assign(**{name: shot[name] for name in names}, has_real=has_real, **nothing)
 
 
-def cells_of_capture(shot, detections, markers, K, width, height, has_real):
-    """Return (cells, false ids) of one capture: two DataFrames, without camera and detector."""
-    registered = predicted_markers(markers, K, width, height, shot["T_registered"])
+def cells_of_capture(shot, detections, markers, K, width, height, has_real, effects=()):
+    """Return (cells, false ids) of one capture: two DataFrames, without camera and detector.
+
+    effects  [(name, parameters)] of the twin's lens, of which a designed experiment knows where they put the markers
+    """
+    lens = lens_of(K, width, height, shot, effects)
+    registered = predicted_markers(markers, K, width, height, shot["T_registered"], lens)
     nominal = shot["T_nominal"] if shot["T_nominal"] is not None else shot["T_registered"]
     places = {
         "real": [registered],
-        "twin": [registered, predicted_markers(markers, K, width, height, nominal)],
+        "twin": [registered, predicted_markers(markers, K, width, height, nominal, lens)],
     }
     by_source, found, wrong = {}, {}, []
     for source in ("real", "twin"):
@@ -199,11 +219,12 @@ def cells_of_capture(shot, detections, markers, K, width, height, has_real):
     return cells, pd.concat(wrong)[["source", "capture", *MARKER, "x", "y"]]
 
 
-def aggregate_camera(camera, detector, detections, markers, captures, stations, frame, register):
+def aggregate_camera(camera, detector, detections, markers, captures, stations, frame, register, effects=()):
     """Return (cells, false ids) of one camera and detector.
 
     frame     dict with ``fx, fy, cx, cy, width, height`` of the ideal pinhole
     register  table of registered poses, or None without photographs
+    effects   [(name, parameters)] of a designed camera's twin that move points
     """
     has_real = bool((captures.camera == camera).any())
     K = camera_matrix(*(frame[name] for name in INTRINSICS))
@@ -214,7 +235,7 @@ def aggregate_camera(camera, detector, detections, markers, captures, stations, 
             cells.append(unknown_cells(shot, markers, has_real))
             continue
         mine = detections[detections.capture == shot["capture"]]
-        c, f = cells_of_capture(shot, mine, markers, K, frame["width"], frame["height"], has_real)
+        c, f = cells_of_capture(shot, mine, markers, K, frame["width"], frame["height"], has_real, effects)
         cells.append(c)
         false_ids.append(f)
     names = {"camera": camera, "detector": detector}
@@ -238,12 +259,13 @@ def write_parquet(table, types, path):
         pq.write_table(pa.Table.from_pandas(table, schema=schema, preserve_index=False).replace_schema_metadata(), file)
 
 
-def aggregate_detections(tables, detections, registers, register_jsons, cells_file, false_ids_file):
+def aggregate_detections(tables, detections, registers, register_jsons, cells_file, false_ids_file, effects=None):
     """Write the cells and the false ids of all cameras and detectors.
 
     tables          dict of paths: markers, cameras, stations, captures
     detections      paths ``.../CAMERA/DETECTOR.csv``
     registers, register_jsons  paths ``.../CAMERA.csv`` and ``.../CAMERA.json``, empty without photographs
+    effects         {camera: [(name, parameters)]} of a designed experiment's twins; None of a campaign
     """
     markers, cameras, stations, captures = (read_table(tables[name], schema) for name, schema in SCHEMAS.items())
     register_of = {Path(path).stem: path for path in registers}
@@ -256,9 +278,8 @@ def aggregate_detections(tables, detections, registers, register_jsons, cells_fi
         camera, detector = path.parent.name, path.stem
         register = read_table(register_of[camera], REGISTERED) if camera in register_of else None
         frame = frame_of(camera, cameras, json_of.get(camera))
-        c, f = aggregate_camera(
-            camera, detector, read_table(path, DETECTIONS), markers, captures, stations, frame, register
-        )
+        found, chosen = read_table(path, DETECTIONS), [(n, p) for n, p in (effects or {}).get(camera, [])]
+        c, f = aggregate_camera(camera, detector, found, markers, captures, stations, frame, register, chosen)
         cells.append(c)
         false_ids.append(f)
     order = ["camera", "detector", "capture", "dictionary", "id"]
@@ -279,4 +300,5 @@ if __name__ == "__main__":
         register_jsons=snakemake.input.get("register_json", []),
         cells_file=snakemake.output.cells,
         false_ids_file=snakemake.output.false_ids,
+        effects=snakemake.params.effects,
     )

@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 
 import pandas as pd
+from tqdm import tqdm
 
 import job
 from detect_markers import read_image
@@ -15,8 +16,6 @@ from rig.errors import InputError
 from rig.geometry import camera_matrix
 
 log = logging.getLogger("twingap")
-
-PROGRESS_S = 10  # seconds between two lines of progress
 
 
 def images_of(camera, captures, campaign, twin_folder, part=None):
@@ -58,17 +57,13 @@ def detect_image(detector, image, code_of, K):
 def detect_all(detector, images, code_of, K):
     """Return (detections, timing) tables of (source, capture, path) triples."""
     rows, timing = [], []
-    shown = time.monotonic()
-    for number, (source, capture, path) in enumerate(images):
+    for number, (source, capture, path) in enumerate(tqdm(images, desc="detecting", unit="image", mininterval=5)):
         image = read_image(path)
         if number == 0:
             detector.detect(image)  # untimed: compilation and first touch of memory are no property of an image
         found, ms = detect_image(detector, image, code_of, K)
         rows += [[source, capture, *row] for row in found]
         timing.append([source, capture, round(ms, 3)])
-        if time.monotonic() - shown > PROGRESS_S:
-            shown = time.monotonic()
-            log.info("%d of %d images", number + 1, len(images))
     detections = pd.DataFrame(rows, columns=list(DETECTIONS.columns))
     detections = detections.sort_values(["source", "capture", "dictionary", "id", *CORNERS], kind="stable")
     return detections, pd.DataFrame(timing, columns=list(DETECTION_TIMES.columns))

@@ -54,6 +54,21 @@ def declared_of(table):
     return {facts["capture"]: library.declared_by(facts) for facts in known.to_dict("records")}
 
 
+def rendered_poses(record):
+    """Return {station: T_cam_world (4, 4)} of a manifest's record: poses that were rendered."""
+    return {s: make_pose(e["pose"][:3], e["pose"][3:]) for s, e in record["stations"].items()}
+
+
+def twin_image(radiance, view, effects, seed, campaign):
+    """Return the pixels, uint8 (H, W) or (H, W, 3) in OpenCV's order, of a twin with ``effects`` [(name, parameters)].
+
+    radiance (H + 2m, W + 2m) or (..., 3); its noise is seeded by ``seed``, campaign, camera and capture.
+    """
+    rng = np.random.default_rng(job.seed_of(seed, campaign, view.camera, view.capture, "expose"))
+    image = pipeline.to_uint8(pipeline.form_image(radiance, view, effects, rng))
+    return image[..., 0] if image.shape[2] == 1 else image[..., ::-1]
+
+
 def expose_twin(expand, register_json, manifest, light, files, camera, effects, seed, out):
     """Write the twin image of every capture of a camera as PNG to the folder ``out``.
 
@@ -63,7 +78,7 @@ def expose_twin(expand, register_json, manifest, light, files, camera, effects, 
     expand, out = Path(expand), Path(out)
     record = json.loads(Path(manifest).read_text())
     facts = json.loads((expand / "scene.json").read_text())
-    poses = {s: make_pose(e["pose"][:3], e["pose"][3:]) for s, e in record["stations"].items()}
+    poses = rendered_poses(record)
     chosen = [(n, p) for n, p in effects]
     lights, declared = tables.read_lights(light) if light else {}, declared_of(files)
     place = BoardPlace(load_scene(expand).plates[0]) if lights else None
@@ -74,10 +89,8 @@ def expose_twin(expand, register_json, manifest, light, files, camera, effects, 
             view = replace(view, margin=margin)
             if capture in lights:
                 radiance = in_own_light(radiance, lights[capture], view, place)
-            rng = np.random.default_rng(job.seed_of(seed, facts["name"], camera, capture, "expose"))
             own = [e for e in declared.get(capture, []) if e[0] not in dict(chosen)]
-            image = pipeline.to_uint8(pipeline.form_image(radiance, view, [*chosen, *own], rng))
-            pixels = image[..., 0] if image.shape[2] == 1 else image[..., ::-1]
+            pixels = twin_image(radiance, view, [*chosen, *own], seed, facts["name"])
             ok, data = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 3])
             if not ok:
                 raise RuntimeError(f"{capture}: PNG encoding failed")

@@ -12,11 +12,19 @@ from pydantic import BaseModel
 
 from inputs.config import Config
 from inputs.experiment import CameraSheet, Experiment, RigFile
+from inputs.twin_study import TwinStudy
 from job import write_atomically
 from moving.config import MovingExperiment
 
 CONFIG = Path(__file__).resolve().parents[1] / "config"
-MODELS = {"": Config, "experiments": Experiment, "cameras": CameraSheet, "rigs": RigFile, "moving": MovingExperiment}
+MODELS = {
+    "": Config,
+    "experiments": Experiment,
+    "cameras": CameraSheet,
+    "rigs": RigFile,
+    "moving": MovingExperiment,
+    "studies": TwinStudy,
+}
 START, END = "<!-- generated: keys -->", "<!-- end of generated -->"
 
 

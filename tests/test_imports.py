@@ -17,13 +17,14 @@ CELLS = "diagnose={cells: true}"  # as the rule that looks at them is there then
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory):
-    """Return a project in which a campaign of markers, one of a board, moving cameras and a blind trial are done."""
+    """Return a project in which a campaign of markers, one of a board, moving cameras, a blind trial and a study are done."""
     folder = tmp_path_factory.mktemp("imports")
     project = copy_project(folder / "project")
     lay_down(project / "markers")
     lay_down(project / "board", describe=board)
     pretend(project, *EVERYTHING, "--config", "campaign=markers", *TRIALS)
     pretend(project, "all", "--config", "campaign=board", CELLS)
+    pretend(project, "twin_study", "--config", "experiment=config/experiments/paper.yaml")
     return project
 
 

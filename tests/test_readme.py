@@ -24,7 +24,7 @@ from rig.targets import target_plate
 from tiny_campaign import lay_down
 from workflow_runs import PROJECT
 
-PAGES = ("README.md", "docs/clusters.md", "docs/own-campaign.md", "docs/calibrations.md")
+PAGES = ("README.md", "docs/clusters.md", "docs/own-campaign.md", "docs/paper.md", "docs/calibrations.md")
 README = "\n\n".join((PROJECT / page).read_text(encoding="utf-8") for page in PAGES)
 PROGRAMS = ("make", "snakemake", "source", "jupyter", "python", "dvc", "cp", "git", "uv", ".tools/bin/uv")
 LONGEST_S = 120
@@ -143,6 +143,7 @@ COMMANDS = {
     "jupyter lab results/frame/notebooks": served,
     "python scripts/adopt_effect.py hp325": without_results,
     "snakemake --unlock": as_it_stands,
+    "make paper": made("all twin_study --config experiment=config/experiments/paper.yaml", "docs/paper.png"),
     "make board": made("print_board.py charuco", "print_board.py rig config/rigs/ladders.yaml"),
     "make makers": made("--group makers"),
     "python scripts/print_board.py charuco --columns 6 --rows 8 --square-mm 30 --out prints/mine.pdf": as_it_stands,
@@ -157,6 +158,8 @@ COMMANDS = {
     "snakemake --cores 2 --config campaign=path/to/folder": planned,
     "snakemake --cores 2 --config campaign=data/raw/aruco6x6_gridboard": planned,
     "snakemake --cores 2 --config experiment=config/experiments/paper.yaml": planned,
+    "snakemake --cores 2 twin_study --config experiment=config/experiments/paper.yaml": planned,
+    "python tests/bench/bench_paper.py": told,
     "dvc remote add --default team s3://bucket/twingap": another_remote,
     "dvc remote modify team endpointurl https://s3.example.org": as_it_stands,
     "dvc remote add --default team ssh://user@host/path/twingap": another_remote,

@@ -38,7 +38,7 @@ def load_twin(path):
     entries = _entries(path, ())
     effects, starts, free = [], [], []
     for where, entry in entries:
-        name, parameters, fitted = _effect(where, entry)
+        name, parameters, fitted = read_effect(where, entry)
         known = library.parameters_of(name)
         effects.append((name, parameters | {key: known[key].null for key in fitted}))
         starts.append((name, parameters))
@@ -79,7 +79,8 @@ def _is_file(path):
         return False
 
 
-def _effect(where, entry):
+def read_effect(where, entry):
+    """Return (name, {parameter: value}, parameters to be fitted) of an entry of a twin; InputError begins with ``where``."""
     for key in entry:
         if key not in KNOWN_ENTRY:
             raise InputError(f"{where}: unknown key {key!r}; known: {', '.join(KNOWN_ENTRY)}")
