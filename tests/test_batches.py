@@ -9,8 +9,9 @@ import pytest
 import case_files
 from join_detections import join_tables
 from tiny_campaign import lay_down
-from workflow_runs import PROJECT, copy_project, planned, snakemake
+from workflow_runs import PROJECT, copy_project, detectors, planned, snakemake
 
+THREE = detectors(aruco={}, aruco_subpix={}, bart={})
 SLURM = PROJECT / ".tools/slurm"
 
 
@@ -24,10 +25,10 @@ def project(tmp_path_factory):
 def test_only_cameras_with_more_captures_than_a_batch_are_divided(project):
     """Fails if small campaigns pay for further jobs, or a batch has other than its number of captures."""
     folder, campaign = project
-    plan = planned(folder, "--config", campaign, "batch=1")
+    plan = planned(folder, "--config", campaign, THREE, "batch=1")
     assert "observe_captures" not in plan and plan["observe_batch"] == 4 and plan["join_observations"] == 2
     assert "detect_captures" not in plan and plan["detect_batch"] == 12 and plan["join_detections"] == 6
-    plan = planned(folder, "--config", campaign, "batch=2")
+    plan = planned(folder, "--config", campaign, THREE, "batch=2")
     assert plan["observe_captures"] == 2 and not {"observe_batch", "join_observations", "detect_batch"} & set(plan)
 
 
@@ -47,7 +48,7 @@ def test_slurm_profile_plans_the_same_jobs(project, monkeypatch):
         pytest.skip("needs the plugin for Slurm: `make bench-slurm` fetches it")
     folder, campaign = project
     monkeypatch.setenv("PYTHONPATH", str(SLURM))
-    status, said = snakemake(folder, "-n", "--profile", "profiles/slurm", "--config", campaign)
+    status, said = snakemake(folder, "-n", "--profile", "profiles/slurm", "--config", campaign, THREE)
     assert status == 0 and re.search(r"^detect_captures +6$", said, re.M), said[-3000:]
 
 

@@ -5,12 +5,12 @@ import signal
 import time
 
 from tiny_campaign import SEEN_HEIGHTS_M, lay_down_seen
-from workflow_runs import copy_project, numbers_of, snakemake, start_snakemake
+from workflow_runs import copy_project, detectors, numbers_of, snakemake, start_snakemake
 
 TABLES = [f"results/tiny/tables/{name}.csv" for name in ("table1", "table2", "ladder")]
 CONFIG = (
     "diagnose={candidates: [lens_blur]}",
-    "detectors={aruco_subpix: null, bart: null}",
+    detectors(aruco={}),
     "render={edge_samples: 256}",
 )
 

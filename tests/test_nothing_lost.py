@@ -21,10 +21,10 @@ from rig.errors import InputError
 from run_guard import check_unchanged, check_writable, remove_unfinished, stamp
 from tiny_campaign import lay_down
 from whole_folder import whole_folder
-from workflow_runs import copy_project, snakemake
+from workflow_runs import copy_project, detectors, snakemake
 
 CONFIG = (
-    "detectors={aruco_subpix: null, bart: null}",
+    detectors(aruco={}),
     "diagnose={candidates: [lens_blur]}",
     "render={edge_samples: 16}",
 )

@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 
 from tiny_campaign import CAPTURES, lay_down
-from workflow_runs import copy_project, edited, planned, snakemake
+from workflow_runs import copy_project, detectors, edited, planned, snakemake
 
-CONFIG = ("detectors={aruco_subpix: null}", "diagnose={candidates: [lens_blur]}", "render={edge_samples: 16}")
+CONFIG = (detectors(aruco={}, bart={}), "diagnose={candidates: [lens_blur]}", "render={edge_samples: 16}")
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +67,7 @@ def test_a_detectors_edit_reruns_that_detector_and_what_reads_it(done):
 
 def test_a_detectors_parameter_reruns_that_detector(done):
     """A parameter that is no parameter of the rule would slip through."""
-    plan = plan_of(done, "detectors={aruco_subpix: null, bart: {multi_scale: false}}", *CONFIG[1:])
+    plan = plan_of(done, detectors(aruco={}, bart={"multi_scale": False}), *CONFIG[1:])
     assert plan["detect_captures"] == 2
     assert "render_stations" not in plan
 

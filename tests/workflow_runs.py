@@ -1,17 +1,26 @@
 """Run the real workflow in a copy of the project, so that tests neither see nor touch anybody's results."""
 
 import contextlib
+import json
 import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+from detectors import contract
+
 PROJECT = Path(__file__).resolve().parents[1]
 PARTS = (
     *("Snakefile", "rules", "scripts", "config", "envs", "profiles", "notebooks", "pyproject.toml"),
     "tests/bench",  # blind trials are rules too
 )
+
+
+def detectors(**wanted):
+    """Return the setting of the configuration by which these detectors run, {name: parameters}, and no other."""
+    chosen = dict.fromkeys(contract.available(), None) | wanted
+    return f"detectors={json.dumps(chosen)}"
 
 
 def copy_project(folder):

@@ -53,6 +53,9 @@ class Settings(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, coerce_numbers_to_str=True)
 
 
+DETECTORS = "aruco aruco_subpix aruco3 aruco_apriltag bart apriltag locus rapidtag stag".split()
+
+
 class Render(Settings):
     """Blender: linear radiance of every station."""
 
@@ -171,8 +174,9 @@ class Config(Settings):
     )
     seed: str = Field("twingap", max_length=64, description="enters every random number, together with names")
     detectors: Detectors = Field(
-        default_factory=lambda: {"aruco": {}, "aruco_subpix": {}, "bart": {}},
-        description="detectors that run, each with parameters that differ from its defaults; null takes one out",
+        default_factory=lambda: {name: {} for name in DETECTORS},
+        description="detectors that run where they read the rig's markers, each with parameters that differ from its "
+        "defaults; null takes one out",
     )
     batch: int = Field(
         500,

@@ -21,14 +21,14 @@ import pandas as pd
 
 from record import TABLE, read_figures, record
 from tiny_campaign import HEIGHT, WIDTH, lay_down
-from workflow_runs import copy_project
+from workflow_runs import copy_project, detectors
 
 COUNTS = (100, 1_000, 10_000, 50_000)
 MOST_RUN = 10_000
 LONGEST_S = 20_000
 TRIALS = 100
 TABLES = ["results/tiny/tables/table1.csv", "results/tiny/tables/table2.csv"]
-CONFIG = ["detectors={aruco_subpix: null, bart: null}", "render={edge_samples: 16}"]
+CONFIG = [detectors(aruco={}), "render={edge_samples: 16}"]
 COMMAND = "python tests/bench/bench_growth.py"
 PICTURE = ROOT / "docs/growth.png"
 

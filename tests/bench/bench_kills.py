@@ -25,10 +25,10 @@ import yaml
 from killed_runs import STAGES, finished, killed
 from record import record
 from tiny_campaign import lay_down_seen
-from workflow_runs import copy_project, numbers_of, snakemake
+from workflow_runs import copy_project, detectors, numbers_of, snakemake
 
 CONFIG = (
-    "diagnose={candidates: [lens_blur]}", "detectors={aruco_subpix: null, bart: null}", "render={edge_samples: 64}",
+    "diagnose={candidates: [lens_blur]}", detectors(aruco={}), "render={edge_samples: 64}",
     "explore={captures: 1}",
 )  # fmt: skip
 ODD = "Jörg's Röhre, 50 %"  # a path that a careless command would break

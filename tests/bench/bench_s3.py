@@ -20,14 +20,14 @@ import object_store
 from record import record
 from tiny_campaign import lay_down
 from verify_data import files_of
-from workflow_runs import PARTS, numbers_of
+from workflow_runs import PARTS, detectors, numbers_of
 
 TOOLS = Path(os.environ.get("TWINGAP_S3", ROOT / ".tools/s3"))
 PACKAGES = (
     TOOLS.resolve() / f"lib/python{sys.version_info[0]}.{sys.version_info[1]}/site-packages"
 )  # as if in the environment
 LONGEST_S = 3600
-CONFIG = ["campaign=data/raw/tiny", "detectors={aruco_subpix: null}", "diagnose={candidates: [lens_blur]}"]
+CONFIG = ["campaign=data/raw/tiny", detectors(aruco={}, bart={}), "diagnose={candidates: [lens_blur]}"]
 LINE = {
     "a damaged object": r"damaged on the remote: images/left/a\.png$",
     "a missing object": r"did not arrive: images/right/b\.png \(.*(not exist|Not Found|404)",

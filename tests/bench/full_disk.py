@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests"), str(ROOT / "tests/bench")]
 
 from killed_runs import watch
-from workflow_runs import copy_project
+from workflow_runs import copy_project, detectors
 
 DISK_MIB = 700
 TARGETS = {
@@ -29,7 +29,7 @@ TARGETS = {
     "notebooks": "results/tiny/report/overview.html",
 }
 CONFIG = (
-    "detectors={aruco_subpix: null, bart: null}",
+    detectors(aruco={}),
     "diagnose={candidates: [lens_blur]}",
     "render={edge_samples: 16}",
 )

@@ -4,7 +4,7 @@ import csv
 
 import pytest
 
-from workflow_runs import copy_project, snakemake
+from workflow_runs import copy_project, detectors, snakemake
 
 CAMERA = "width: 480\nheight: 360\nfov_deg: 60\nfov_axis: horizontal\n"
 EXPERIMENT = "name: mixed\ncameras: {small: small.yaml}\nrig: mixed.yaml\nheights_m: [0.3]\ntilts_deg: [45]\n"
@@ -14,8 +14,8 @@ RIG = """ladders:
      code_m: 0.06, plate_m: 0.12}
   - {dictionary: CIRCLES_4X7_60, plates: 1, columns_x_m: [0.14], first_y_m: 0.3, step_y_m: 0.2, code_m: 0.11, plate_m: 0.13}
 """
-TRACKERS = "{stag: {}, apriltag: {decimate: 1.0}, opencv_circles: {}, aruco: {}, aruco_subpix: null, bart: null}"
-SETTINGS = ("experiment=config/experiments/mixed.yaml", "campaign=null", f"detectors={TRACKERS}")
+TRACKERS = {"stag": {}, "apriltag": {"decimate": 1.0}, "opencv_circles": {}, "aruco": {}}
+SETTINGS = ("experiment=config/experiments/mixed.yaml", "campaign=null", detectors(**TRACKERS))
 REFERENCE = "aggregate={reference_detector: stag}"
 
 
@@ -67,16 +67,16 @@ def test_every_type_goes_to_the_tables(project):
     [
         (TRACKERS, "aruco", ["aggregate.reference_detector", "aruco reads none of the rig's", "STAG_HD21", "apriltag"]),
         (
-            TRACKERS.replace("stag: {}, ", ""),
+            TRACKERS | {"stag": None},
             "apriltag",
             ["configuration: detectors: none of", "STAG_HD21; stag would"],
         ),
-        (TRACKERS.replace("stag", "stags"), "apriltag", ["'stags' does not exist", "rapidtag"]),
+        (TRACKERS | {"stags": {}}, "apriltag", ["'stags' does not exist", "rapidtag"]),
     ],
 )
 def test_markers_that_nobody_reads_end_the_plan(project, trackers, reference, words):
     """Fails if a rig's markers that no chosen tracker reads, or a reference that reads none, come to a job."""
-    chosen = (f"detectors={trackers}", f"aggregate={{reference_detector: {reference}}}")
+    chosen = (detectors(**trackers), f"aggregate={{reference_detector: {reference}}}")
     line = refused(project, "--config", *SETTINGS[:2], *chosen)
     assert all(word in line for word in words), line
 

@@ -4,7 +4,7 @@ import csv
 
 import pytest
 
-from workflow_runs import copy_project, planned, snakemake
+from workflow_runs import copy_project, detectors, planned, snakemake
 
 EXPERIMENT = ("experiment=config/experiments/paper.yaml", "campaign=null")
 SMALL = "families: [DICT_4X4_50, tagStandard41h12], id: 3, poses: 6, draws: 2, batch: 4"
@@ -33,9 +33,8 @@ def project(tmp_path_factory):
 )
 def test_a_study_that_nobody_can_do_ends_the_plan(project, study, words):
     """Fails if a study of no poses, of unknown markers or by a detector that reads none of them starts jobs."""
-    status, said = snakemake(
-        project, "-n", "--cores", 1, "poses_study", "--config", *EXPERIMENT, f"poses_study={study}"
-    )
+    settings = (*EXPERIMENT, detectors(aruco={}, bart={}), f"poses_study={study}")
+    status, said = snakemake(project, "-n", "--cores", 1, "poses_study", "--config", *settings)
     assert status == 1 and "Traceback" not in said and "Job stats" not in said
     (line,) = [line for line in said.splitlines() if line.startswith("error: ")]
     assert all(word in line for word in words), line
@@ -44,7 +43,7 @@ def test_a_study_that_nobody_can_do_ends_the_plan(project, study, words):
 def test_a_study_is_done_and_done_again_alike(project):
     """Fails if a family or a detector asked for is left out, if one looks that reads none, or if runs differ."""
     study = f"poses_study={{{SMALL}, trackers: {{apriltag: {{decimate: 1.0}}}}}}"
-    settings = ("poses_study", "--config", *EXPERIMENT, "detectors={aruco_subpix: null}", study)
+    settings = ("poses_study", "--config", *EXPERIMENT, detectors(aruco={}, bart={}), study)
     made = []
     for force in ((), ("--forceall",)):
         status, said = snakemake(project, "--cores", 1, *force, *settings)
