@@ -52,6 +52,7 @@ rule make_tables:
             table=["table1", "table2"],
             suffix=["csv", "md", "tex"],
         ),
+        f"{RESULTS}/tables/table1_by_type.csv",
         f"{RESULTS}/tables/table2_by_type.csv",
         f"{RESULTS}/tables/headlines.json",
     log:

@@ -49,6 +49,7 @@ TABLE1.append("algorithm")
 TABLE2 = columns_of(["camera", "algorithm", *MEASURES, "n_markers", "false_ids"])
 TABLE2.append("false_ids_twin")
 BY_TYPE = [*TABLE2[:2], "dictionary", *TABLE2[2:]]
+TABLE1_BY_TYPE = ["camera", "dictionary", *TABLE1[1:]]
 
 
 def share(row, name, part, whole):
@@ -126,6 +127,19 @@ def make_by_type(cells, false_ids, campaign, read):
     table = pd.concat(parts) if parts else pd.DataFrame(columns=BY_TYPE)
     able = [d in read.get(a, ()) for a, d in zip(table.algorithm, table.dictionary, strict=True)]
     return table[np.array(able, bool)].sort_values(["camera", "algorithm", "dictionary"], ignore_index=True)[BY_TYPE]
+
+
+def make_table1_by_type(by_type, reference, read):
+    """Return Table 1 for each family by itself: of BY_TYPE rows those of one detector a family, TABLE1_BY_TYPE columns.
+
+    That is the reference detector where it reads the family, else the first of ``read`` that does.
+    """
+    chosen = {}
+    for name in (reference, *read):
+        for family in read.get(name, ()):
+            chosen.setdefault(family, name)
+    mine = by_type.algorithm == by_type.dictionary.map(chosen)
+    return by_type[mine].sort_values(["camera", "dictionary"], ignore_index=True)[TABLE1_BY_TYPE]
 
 
 def make_table1(table2, reference):
@@ -264,11 +278,11 @@ def headlines_of(table1):
 
 
 def make_tables(cells_file, false_ids_file, scene_file, reference, tables, read=None):
-    """Write Tables 1 and 2, Table 2 by families of markers, and the headlines, a JSON list of sentences.
+    """Write Tables 1 and 2, both by families of markers too, and the headlines, a JSON list of sentences.
 
     reference  detector whose rows are Table 1
     tables  dict of paths by file name: ``table1.csv``, ``.md``, ``.tex``, so for table2, ``headlines.json``; where ``read``
-            is given ``table2_by_type.csv``
+            is given ``table1_by_type.csv`` and ``table2_by_type.csv``
     read    {detector: families of markers that it reads}
     """
     cells, false_ids = pd.read_parquet(cells_file), pd.read_parquet(false_ids_file)
@@ -298,8 +312,10 @@ def make_tables(cells_file, false_ids_file, scene_file, reference, tables, read=
                 file.write(form(headings, rows, captions[name], notes))
     if read is not None:
         by_type = make_by_type(cells, false_ids, scene.get("name", ""), read)
-        with job.write_atomically(tables["table2_by_type.csv"]) as file:
-            by_type.to_csv(file, index=False, lineterminator="\n")
+        of_table1 = make_table1_by_type(by_type, reference, read)
+        for name, table in (("table1_by_type.csv", of_table1), ("table2_by_type.csv", by_type)):
+            with job.write_atomically(tables[name]) as file:
+                table.to_csv(file, index=False, lineterminator="\n")
     with job.write_atomically(tables["headlines.json"]) as file:
         json.dump(headlines_of(table1), file, ensure_ascii=False, indent=1)
         file.write("\n")

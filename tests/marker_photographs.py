@@ -14,7 +14,7 @@ from rig.geometry import camera_matrix, station_pose
 
 WIDTH, HEIGHT, FOCAL_PX = 480, 360, 400.0
 REFLECTANCE = {"white": 0.8, "black": 0.05, "ground": 0.35, "background": 0.3}
-FINER, TEXTURE_PX = 4, 256  # samples along a pixel's side; along a plate's
+FINER, TEXTURE_PX = 8, 640  # samples along a pixel's side; along a plate's
 STATIONS = [(h, t) for h in (0.35, 0.5, 0.65) for t in (40, 55)]
 NOISE_DN, POSITION_M, ANGLE_DEG = 1.0, 0.002, 0.2
 

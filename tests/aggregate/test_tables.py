@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from aggregate.small_campaign import detection, markers, write, write_tables
-from make_tables import make_by_type
+from make_tables import BY_TYPE, make_by_type, make_table1_by_type
 
 HALF_MARKER_PX = 25.0
 
@@ -203,3 +203,14 @@ def test_table_2_by_type_holds_what_a_detector_reads():
         ["aruco", "DICT_4X4_50", 2, 50.0, 1],
         ["stag", "STAG_HD21", 1, 0.0, 0],
     ]
+
+
+def test_table_1_by_type_has_one_detector_a_family():
+    """Fails if a family that the reference does not read is left out, or has two rows a camera."""
+    read = {"aruco": ["DICT_4X4_50"], "bart": ["DICT_4X4_50"], "stag": ["STAG_HD21"], "other": ["STAG_HD21"]}
+    names = [(a, family) for a in sorted(read) for family in read[a]]
+    by_type = pd.DataFrame(
+        [{"camera": "left", "algorithm": a, "dictionary": family} for a, family in names], columns=BY_TYPE
+    )
+    table = make_table1_by_type(by_type, "bart", read)
+    assert table[["algorithm", "dictionary"]].to_numpy().tolist() == [["bart", "DICT_4X4_50"], ["stag", "STAG_HD21"]]

@@ -60,6 +60,8 @@ def test_every_type_goes_to_the_tables(project):
         by_type = {(row["algorithm"], row["dictionary"]): row for row in csv.DictReader(file)}
     assert set(by_type) == {(tracker, family) for tracker, ((family, _),) in found.items()}
     assert all(float(row["coverage_twin_pct"]) == 100 for row in by_type.values())
+    with open(project / "results/mixed/tables/table1_by_type.csv") as file:
+        assert {(row["algorithm"], row["dictionary"]) for row in csv.DictReader(file)} == set(by_type)
 
 
 @pytest.mark.parametrize(
