@@ -14,6 +14,7 @@ from rig.geometry import camera_matrix, station_pose
 
 WIDTH, HEIGHT, FOCAL_PX = 480, 360, 400.0
 REFLECTANCE = {"white": 0.8, "black": 0.05, "ground": 0.35, "background": 0.3}
+BESIDE_PX = 4  # beyond a plate that are drawn with it
 FINER, TEXTURE_PX = 8, 640  # samples along a pixel's side; along a plate's
 STATIONS = [(h, t) for h in (0.35, 0.5, 0.65) for t in (40, 55)]
 NOISE_DN, POSITION_M, ANGLE_DEG = 1.0, 0.002, 0.2
@@ -51,20 +52,25 @@ def photograph(markers, textures, T_cam_world, rng, k1=0.0, blur_px=0.0):
     K = camera_matrix(FOCAL_PX, FOCAL_PX, (WIDTH - 1) / 2, (HEIGHT - 1) / 2)
     at = [(np.arange(n * FINER) + 0.5) / FINER - 0.5 for n in (WIDTH, HEIGHT)]
     pixels = np.stack(np.meshgrid(*at), -1).reshape(-1, 1, 2)
-    ideal = cv2.undistortPoints(pixels, K, np.array([k1, 0, 0, 0, 0.0]), P=K).reshape(-1, 2)
-    rotation = T_cam_world[:3, :3]
-    image = np.full(len(ideal), REFLECTANCE["ground"], np.float32)
-    for m, shown in zip(markers.itertuples(), textures, strict=True):
+    ideal = cv2.undistortPoints(pixels, K, np.array([k1, 0, 0, 0, 0.0]), P=K).reshape(HEIGHT * FINER, -1, 2)
+    rotation, lens = cv2.Rodrigues(T_cam_world[:3, :3])[0], np.array([k1, 0, 0, 0, 0.0])
+    image = np.full(ideal.shape[:2], REFLECTANCE["ground"], np.float32)
+    for m, reflectance in zip(markers.itertuples(), textures, strict=True):
         corners = marker_corners_world(m._replace(code_m=m.plate_m))
-        seen, _ = cv2.projectPoints(corners, cv2.Rodrigues(rotation)[0], T_cam_world[:3, 3], K, None)
+        seen, bent = (
+            cv2.projectPoints(corners, rotation, T_cam_world[:3, 3], K, of)[0].reshape(4, 2) for of in (None, lens)
+        )
+        low, high = bent.min(0) - BESIDE_PX, bent.max(0) + BESIDE_PX
+        (x0, y0), (x1, y1) = (np.clip(FINER * v, 0, image.shape[::-1]).astype(int) for v in (low, high))
+        if x0 == x1 or y0 == y1:
+            continue
         square = np.float32([[0, 0], [1, 0], [1, 1], [0, 1]]) * TEXTURE_PX - 0.5
-        to_plate = cv2.getPerspectiveTransform(seen.reshape(4, 2).astype(np.float32), square)
-        places = cv2.perspectiveTransform(ideal[:, None], to_plate).reshape(HEIGHT * FINER, WIDTH * FINER, 2)
-        places = places.astype(np.float32)
-        shown = cv2.remap(shown, places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).ravel()
-        on_it = ((places > -0.5) & (places < TEXTURE_PX - 0.5)).all(-1).ravel()
-        image = np.where(on_it, shown, image)
-    image = image.reshape(HEIGHT * FINER, WIDTH * FINER)
+        to_plate = cv2.getPerspectiveTransform(seen.astype(np.float32), square)
+        places = cv2.perspectiveTransform(ideal[y0:y1, x0:x1].reshape(-1, 1, 2), to_plate)
+        places = places.reshape(y1 - y0, x1 - x0, 2).astype(np.float32)
+        shown = cv2.remap(reflectance, places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        on_it = ((places > -0.5) & (places < TEXTURE_PX - 0.5)).all(-1)
+        image[y0:y1, x0:x1] = np.where(on_it, shown, image[y0:y1, x0:x1])
     if blur_px:
         image = cv2.GaussianBlur(image, (0, 0), blur_px * FINER)
     radiance = image.reshape(HEIGHT, FINER, WIDTH, FINER).mean(axis=(1, 3))
