@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from workflow_runs import PROJECT, copy_project, snakemake
+from workflow_runs import PROJECT, copy_project, detectors, snakemake
 
 NAME = "aruco6x6_gridboard"
 EMBEDDED = PROJECT / "data/raw" / NAME
@@ -27,7 +27,7 @@ def results(tmp_path_factory):
     captures = pd.read_csv(EMBEDDED / "captures.csv", dtype=str).iloc[::EACH]
     captures.to_csv(campaign / "captures.csv", index=False)
     targets = [f"results/{NAME}/{path}" for path in TARGETS]
-    options = ("--config", f"campaign={campaign}", "render={edge_samples: 16}", "detectors={bart: null}")
+    options = ("--config", f"campaign={campaign}", "render={edge_samples: 16}", detectors(aruco={}, aruco_subpix={}))
     status, said = snakemake(project, "--cores", 2, *targets, *options)
     assert status == 0, said[-4000:]
     return project / "results" / NAME
