@@ -4,7 +4,6 @@ Colours are Okabe and Ito's, told apart by colour-blind readers; figures are one
 side where there is room.
 """
 
-import base64
 import html
 import io
 import json
@@ -20,6 +19,7 @@ from matplotlib.ticker import MaxNLocator
 
 from inputs.images import read_image
 from markers.contract import marker_corners_world
+from reporting.pages import data_uri
 from rig.geometry import camera_matrix, make_pose, project
 
 BLUE, ORANGE, GREEN, GREY = "#0072B2", "#D55E00", "#009E73", "#595959"
@@ -86,7 +86,7 @@ def side_by_side(*pictures):
     parts = []
     for picture, words in pictures:
         kind, data = _encode(picture)
-        source = f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
+        source = data_uri(data, kind)
         text = html.escape(words)
         parts.append(
             f'<figure style="flex:1 1 300px;max-width:640px;margin:0 0 .8em">'

@@ -3,6 +3,7 @@
 Needs: the configuration. Makes: nothing. A wrong configuration or campaign ends here with one message, before any job.
 """
 
+import functools
 import hashlib
 import json
 import math
@@ -64,9 +65,10 @@ def end_with(message):
 
 def check_names(done):
     """Refuse detectors, their parameters and effects that do not exist."""
-    for key in ("detectors", "poses_study.trackers"):
-        *section, last = key.split(".")
-        chosen = done[section[0]][last] if section else done[last]
+    for key, chosen in (
+        ("detectors", done["detectors"]),
+        ("poses_study.trackers", done["poses_study"]["trackers"]),
+    ):
         check_choice(key, chosen, contract.available())
         for name, parameters in chosen.items():
             contract.check_parameters(name, parameters, f"configuration: {key}.{name}")
@@ -608,6 +610,7 @@ TWIN_STUDY = f"{RESULTS}/study"
 TWIN_STUDY_FILE = f"config/studies/{NAME}.yaml"
 
 
+@functools.cache
 def twin_study():
     """Return the study of the experiment's twins as a dict; end with one message where there is none or it is wrong."""
     from inputs.twin_study import load_study

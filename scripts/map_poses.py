@@ -1,6 +1,5 @@
 """Map: where the pose of a marker can be trusted: coverage, errors, flips, scatter beside what corners predict, in maps."""
 
-import base64
 import logging
 from pathlib import Path
 
@@ -24,7 +23,7 @@ from poses_study.views import (
     true_corners,
     view_of,
 )
-from reporting.pages import render
+from reporting.pages import data_uri, render
 from study_poses import SIGHTINGS
 
 log = logging.getLogger("twingap")
@@ -66,11 +65,6 @@ def picture(row, seed):
         part, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST if scale > 1 else cv2.INTER_AREA
     )
     return data_uri(cv2.imencode(".png", larger)[1].tobytes())
-
-
-def data_uri(png):
-    """Return a PNG (bytes) as a data URI."""
-    return "data:image/png;base64," + base64.b64encode(png).decode()
 
 
 def page_of_family(family, tables, pictures, seed):

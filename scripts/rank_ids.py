@@ -1,6 +1,5 @@
 """Rank: which ids of the study are safe: coverage, false ids, confusions by how many cells differ, the worst in pictures."""
 
-import base64
 import logging
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from id_study.views import study_image, study_noise, study_scene, study_views
 from inputs.tables import read_table
 from markers.contract import drawing_of
 from reporting.metrics import wilson_interval
-from reporting.pages import render
+from reporting.pages import data_uri, render
 from study_ids import READINGS
 
 log = logging.getLogger("twingap")
@@ -136,7 +135,7 @@ def _row(row, readings, views, seed):
 def _picture(image, times):
     """Return an image as a PNG in a data URI, each pixel enlarged."""
     larger = np.kron(image, np.ones((times, times), np.uint8))
-    return "data:image/png;base64," + base64.b64encode(cv2.imencode(".png", larger)[1].tobytes()).decode()
+    return data_uri(cv2.imencode(".png", larger)[1].tobytes())
 
 
 def rank_ids(tables, families, views, seed, out):

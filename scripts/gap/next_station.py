@@ -11,11 +11,11 @@ from gap.measure.places import wholly_inside
 from gap.score import excess_of
 from gap.solver import Solver
 from job import seed_of
-from rig.geometry import station_pose
+from rig.geometry import rotation_angle_deg, station_pose
 
 HEIGHTS_M = (0.25, 0.5, 0.8, 1.2, 1.6)
 TILTS_DEG = (0.0, 15.0, 30.0, 45.0, 60.0)
-SAME_M, SAME_RAD = 0.02, 0.02  # from a grid's station up to which a capture was taken there
+SAME_M, SAME_DEG = 0.02, 1.15  # from a grid's station up to which a capture was taken there
 
 
 def suggested_station(case, a, b):
@@ -24,25 +24,23 @@ def suggested_station(case, a, b):
     The difference is the loss above its noise that each twin has in a photograph, noise and all, that the other one takes there,
     poses fitted: the smaller one, as either may be the truth. Stations that were photographed are left out; None where all were.
     """
-    best = None
-    for height_m in HEIGHTS_M:
-        for tilt_deg in TILTS_DEG:
-            T_cam_world = station_pose(height_m, tilt_deg)
-            if any(_is_same(c.view.T_cam_world, T_cam_world) for c in case.captures):
-                continue
-            score = _difference(case, T_cam_world, a, b)
-            if best is None or score > best[0]:
-                best = (score, height_m, tilt_deg)
-    if best is None:
+    poses = {(h, t): station_pose(h, t) for h in HEIGHTS_M for t in TILTS_DEG}
+    taken = [capture.view.T_cam_world for capture in case.captures]
+    scores = {
+        station: _difference(case, pose, a, b)
+        for station, pose in poses.items()
+        if not any(_is_same(pose, other) for other in taken)
+    }
+    if not scores:
         return None
-    return {"height_m": best[1], "tilt_deg": best[2], "difference": round(float(best[0]), 2)}
+    height_m, tilt_deg = best = max(scores, key=scores.get)
+    return {"height_m": height_m, "tilt_deg": tilt_deg, "difference": round(float(scores[best]), 2)}
 
 
 def _is_same(T_cam_world, other):
     """Return whether two cameras stand at the same station."""
-    moved = T_cam_world @ np.linalg.inv(other)
-    angle = np.arccos(np.clip((np.trace(moved[:3, :3]) - 1) / 2, -1, 1))
-    return angle < SAME_RAD and np.linalg.norm(moved[:3, 3]) < SAME_M
+    apart_m = np.linalg.norm((T_cam_world @ np.linalg.inv(other))[:3, 3])
+    return apart_m < SAME_M and rotation_angle_deg(T_cam_world[:3, :3], other[:3, :3]) < SAME_DEG
 
 
 def _difference(case, T_cam_world, a, b):

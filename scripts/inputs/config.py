@@ -53,6 +53,7 @@ class Settings(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, coerce_numbers_to_str=True)
 
 
+# by default: which of them run, the rig's markers decide
 DETECTORS = "aruco aruco_subpix aruco3 aruco_apriltag bart apriltag locus rapidtag stag".split()
 
 

@@ -1,5 +1,6 @@
 """Pages of HTML: templates filled in, what executed notebooks display, their titles and first words."""
 
+import base64
 from pathlib import Path
 
 import jinja2
@@ -14,6 +15,11 @@ def render(template, **values):
         lstrip_blocks=True,
     )
     return environment.get_template(Path(template).name).render(**values)
+
+
+def data_uri(picture, kind="png"):
+    """Return an encoded picture (bytes) as a data URI."""
+    return f"data:image/{kind};base64,{base64.b64encode(picture).decode()}"
 
 
 def title_of(notebook):
