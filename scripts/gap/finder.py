@@ -10,7 +10,10 @@ from scipy.spatial.transform import Rotation
 from detectors import contract
 from detectors._opencv import OpenCvDetector
 from gap.measure.capture import grey_of
+from markers.contract import drawing_of
 from rig.geometry import rotation_angle_deg
+
+UNIT_SQUARE = np.float32([[-0.5, 0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]])
 
 
 class Finder:
@@ -19,6 +22,7 @@ class Finder:
     def __init__(self, scene, codes, K):
         self.index = {p.name: k for k, p in enumerate(scene.plates)}
         self.half_code = codes.half_code
+        self.cells = [_side_of_cells(p.name) for p in scene.plates]
         families = sorted({name.split("/")[0] for name in self.index})
         others = contract.finders_of(families)
         usual = [family for family in families if family not in others]
@@ -27,12 +31,12 @@ class Finder:
         self.K = K
 
     def corners(self, image):
-        """Return {plate index: corners (4, 2) in pixels} of a grey-level image (H, W, C)."""
+        """Return {plate index: corners (4, 2) in pixels} of the cells of the codes in a grey-level image (H, W, C)."""
         grey = np.clip(np.rint(grey_of(image)), 0, 255).astype(np.uint8)
         seen = [d for detector in self.detectors for d in detector.detect(grey)]
         found = {self.index.get(f"{d.dictionary}/{d.id}"): d.corners for d in seen}
         found.pop(None, None)
-        return found
+        return {k: _enlarged(corners, self.cells[k]) for k, corners in found.items()}
 
     def find(self, image):
         """Return {plate index: [(R (3, 3), t (3,)), ...] both planar poses} of a grey-level image (H, W, C)."""
@@ -62,3 +66,18 @@ class Finder:
             "distance": np.array(distance),
             "rotation": np.array(rotation),
         }
+
+
+def _side_of_cells(name):
+    """Return the side of all cells of a plate's code, in sides of the square whose corners trackers report."""
+    family, number = name.split("/")
+    lines = drawing_of(family, int(number)).lines
+    return 1.0 if lines is None else 2 * float(lines[-1])
+
+
+def _enlarged(corners, times):
+    """Return the corners (4, 2) in an image of a square so many times as large as the one of these, about its middle."""
+    if times == 1:
+        return corners
+    homography = cv2.getPerspectiveTransform(UNIT_SQUARE, np.float32(corners))
+    return cv2.perspectiveTransform(times * UNIT_SQUARE[None], homography)[0].astype(float)

@@ -21,7 +21,7 @@ from marker_photographs import lay_down_markers
 from record import record
 from trials.observe_trial import observe_camera, observed_cases
 
-RIGS = (("STAG_HD21",), ("tagStandard41h12",), ("CHARUCO_7X5_75_DICT_5X5_100", "CIRCLES_4X7_60"))
+RIGS = (("STAG_HD21",), ("tagStandard41h12",), ("CHARUCO_5X4_75_DICT_4X4_50", "CIRCLES_3X5_60"))
 HIDDEN = {"": {}, "radial_distortion": {"k1": -0.05}, "lens_blur": {"blur_px": 0.8}, "marker_scale": {"scale": 1.03}}
 
 
