@@ -33,6 +33,7 @@ MAX_BEHIND = 2.0  # times the loss of what leads, beyond which it is none
 MAX_STARTS = 2  # that are fitted, those of the largest predicted gain, and as many that are nearest
 MAX_NOISE_GAP = 1.5  # gap of the noise's own observables up to which the twin's noise is like the real one
 MIN_STATION_LOSS = 3.0  # a station loses that loses more than this, or than 2 % of the whole gain
+CERTAIN_SHARE = 0.5  # of all that is left above the floor: what gains it, where it is much, is certain
 
 
 class Search:
@@ -333,7 +334,7 @@ class Search:
             gain=float(gains.sum()),
             gain_se=float(np.sqrt(len(gains)) * gains.std(ddof=1)) if len(gains) > 1 else float("nan"),
             stations_gaining=float((gains > -MIN_STATION_LOSS - 0.02 * gains.sum()).mean()) if len(gains) else 0.0,
-            is_significant=is_significant(effect, values, twin.cautious_errors),
+            is_significant=is_significant(effect, values, doubts(base, twin)),
             group_gains={name: before[name] - after[name] for name in before},
         )  # fmt: skip
 
@@ -350,6 +351,17 @@ def gains_by_station(problem, before, after):
         name = problem.captures[i].view.station
         stations[name] = stations.get(name, 0.0) + before[i] - after[i]
     return np.array([stations[s] for s in sorted(stations)])
+
+
+def doubts(base, twin):
+    """Return the cautious errors {(effect, parameter): standard error} of a twin's parameters.
+
+    They are those of the captures that were fitted. None count where it gains so much over its base, on the captures that no
+    fit saw, that this says how certain it is.
+    """
+    gain = sum(base.losses.values()) - sum(twin.losses.values())
+    certain = gain > max(CLEAR_EVIDENCE * MIN_GAIN, CERTAIN_SHARE * sum(base.excess.values()))
+    return {} if certain else twin.cautious_errors
 
 
 def is_significant(effect, values, errors):

@@ -10,7 +10,7 @@ from effects import library, pipeline
 from gap.discrete import Discrete
 from gap.residuals import LOST_PLATE, flatten
 from gap.score import overall_gap
-from gap.search import Search, is_significant
+from gap.search import Search, doubts, is_significant
 from gap.select_effects import Selection, Step, _with_simpler, outcome_of, verdict, verdict_of
 from gap.split import split_by_station
 
@@ -144,6 +144,17 @@ def test_a_gap_that_is_left_is_never_called_adequate():
 def test_an_effect_is_there_only_where_it_is_certain_and_large_enough(sigma_px, error, there):
     """Without the first bound chance gets names, without the second every synthesis that is off by a hair does."""
     assert is_significant("lens_blur", {"sigma_px": sigma_px}, {("lens_blur", "sigma_px"): error}) == there
+
+
+@pytest.mark.parametrize(
+    ("gain", "doubted"), [(1500.0, False), (300.0, True), (700.0, True)], ids=["most of it", "little", "a part"]
+)
+def test_what_gains_most_on_captures_that_no_fit_saw_is_not_doubted(gain, doubted):
+    """Fails if the one station that tells leaves an effect uncertain where it is held out, or if a part of the gap is certain."""
+    excess = 550.0 if gain < 500 else 1550.0
+    base = SimpleNamespace(losses={0: 2000.0, 1: 0.0}, excess={"corners": excess})
+    twin = SimpleNamespace(losses={0: 2000.0 - gain, 1: 0.0}, cautious_errors={("rail_sag", "bow_m"): 0.1})
+    assert bool(doubts(base, twin)) == doubted
 
 
 def test_a_warp_is_there_though_none_of_its_waves_is_certain_by_itself():
