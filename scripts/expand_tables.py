@@ -12,10 +12,10 @@ import pandas as pd
 
 import job
 from inputs import tables
-from inputs.campaign import load_campaign, place_name
+from inputs.campaign import load_campaign
 from inputs.experiment import load_experiment
 from rig.errors import InputError
-from rig.geometry import split_pose, station_pose
+from rig.geometry import place_name, split_pose, station_pose
 
 POSE = tables.POSE
 

@@ -320,11 +320,6 @@ def _place(path, row):
     return place
 
 
-def place_name(height_m, tilt_deg):
-    """Return the name of a station: millimetres and degrees, as in ``h0300_t22p5``."""
-    return f"h{1000 * height_m:04.10g}_t{tilt_deg:.10g}".replace("-", "m").replace("+", "").replace(".", "p")
-
-
 def check_tolerance(path, tolerance, captures):
     """Raise InputError where captures are at stations and campaign.yaml, at ``path``, does not say how well these are known.
 

@@ -23,12 +23,11 @@ from inputs.campaign import (
     Strict,
     inside,
     is_name,
-    place_name,
 )
 from inputs.safe_yaml import load_yaml, validation_message
 from markers.contract import count_of, least_plate
 from rig.errors import InputError
-from rig.geometry import split_pose, station_pose
+from rig.geometry import place_name, split_pose, station_pose
 
 FOV_AGREES = 0.02  # stated field of view and focal length may differ by this share
 

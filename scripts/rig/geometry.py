@@ -44,6 +44,11 @@ def station_pose(height_m, tilt_deg):
     return T
 
 
+def place_name(height_m, tilt_deg):
+    """Return the name of a station: millimetres and degrees, as in ``h0300_t22p5``."""
+    return f"h{1000 * height_m:04.10g}_t{tilt_deg:.10g}".replace("-", "m").replace("+", "").replace(".", "p")
+
+
 N_POSE = 6  # numbers that move a pose: of a capture's nuisances the first, its light follows
 
 

@@ -62,10 +62,8 @@ def small_case(sigma_pose=np.inf):
     return Case("c", "cam", scene, codes, [Capture(view, 0)], np.full(6, sigma_pose))
 
 
-def nearness(case, T_cam_world, a, b):
+def nearness(case, height_m, tilt_deg, a, b):
     """Return a difference that is largest at 0.8 m and 45 degrees."""
-    height_m = -(T_cam_world[:3, :3].T @ T_cam_world[:3, 3])[2]
-    tilt_deg = np.degrees(np.arcsin(-T_cam_world[2, 2]))
     return 7.126 - abs(height_m - 0.8) - abs(tilt_deg - 45) / 100
 
 
@@ -81,37 +79,45 @@ def test_the_station_of_the_largest_difference_is_suggested_that_was_not_photogr
     assert (found["height_m"], found["tilt_deg"]) == (0.8, 30.0)
 
 
+def test_a_station_that_would_be_fitted_is_suggested_only_where_no_other_tells(monkeypatch):
+    """Fails if the largest difference wins though it would teach the twins and not be held against them."""
+    scores = {(0.8, 45.0): 900.0, (0.5, 30.0): 300.0}
+    monkeypatch.setattr(next_station, "_difference", lambda case, h, t, a, b: scores.get((h, t), 1.0))
+    for held_out, best in (((0.5, 30.0), (0.5, 30.0)), ((0.5, 15.0), (0.8, 45.0))):
+        monkeypatch.setattr(next_station, "_is_held_out", lambda case, h, t, twin, known=held_out: (h, t) == known)
+        found = next_station.suggested_station(small_case(), [], [])
+        assert (found["height_m"], found["tilt_deg"]) == best
+
+
 def test_what_a_pose_could_move_does_not_tell_twins_apart():
     """Fails if the pose is not fitted, or beyond its prior: a shift of the image then counts always, or never."""
     shifted = [("principal_point", {"dx_px": 0.5, "dy_px": 0.0})]
-    held, free = (
-        next_station._difference(small_case(sigma), station_pose(0.5, 35), [], shifted) for sigma in (1e-9, np.inf)
-    )
+    held, free = (next_station._difference(small_case(sigma), 0.5, 35, [], shifted) for sigma in (1e-9, np.inf))
     assert held > 50
     assert free < 0.1 * held
 
 
 def test_levels_and_edges_tell_twins_apart_and_noise_does_not():
     """Fails if only points are compared, or if a twin differs from its own photograph by the noise that it has."""
-    pose = station_pose(0.5, 35)
     darker, blurred = [("exposure", {"scale": 0.9})], [("lens_blur", {"sigma_px": 1.0, "softness": 0.0})]
     same, by_levels, by_edges = (
-        next_station._difference(small_case(1e-9), pose, [], other) for other in ([], darker, blurred)
+        next_station._difference(small_case(1e-9), 0.5, 35, [], other) for other in ([], darker, blurred)
     )
     assert same < 0.05 * min(by_levels, by_edges)
 
 
 def test_a_difference_counts_that_shows_whichever_twin_is_true(monkeypatch):
     """Fails if one of two twins is taken for the truth: what only the other one's photograph would show is then promised."""
-    monkeypatch.setattr(next_station, "_loss", lambda case, pose, truth, rival: 3.0 if truth == "a" else 1.0)
-    assert next_station._difference(None, None, "a", "b") == next_station._difference(None, None, "b", "a") == 1.0
+    monkeypatch.setattr(next_station, "_photograph", lambda case, height_m, tilt_deg, truth: truth)
+    monkeypatch.setattr(next_station, "_loss", lambda case, truth, rival: 3.0 if truth == "a" else 1.0)
+    ab, ba = (next_station._difference(None, 0.5, 35, *twins) for twins in ("ab", "ba"))
+    assert ab == ba == 1.0
 
 
 def test_where_no_plate_is_seen_nothing_differs():
     """Fails if a station that looks past the rig ends the suggestion with an error, blurred in several ways."""
-    pose = station_pose(1.6, -60)
     blurred = [("defocus", {"blur_px_per_dioptre": 1.0, "focus_m": 0.7, "softness": 1.0})]
-    assert next_station._difference(small_case(), pose, [], blurred) == 0.0
+    assert next_station._difference(small_case(), 1.6, -60, [], blurred) == 0.0
 
 
 # -- the ladder's errors -----------------------------------------------------------------------------------------------
