@@ -15,7 +15,8 @@ from rig.geometry import camera_matrix, station_pose
 WIDTH, HEIGHT, FOCAL_PX = 480, 360, 400.0
 REFLECTANCE = {"white": 0.8, "black": 0.05, "ground": 0.35, "background": 0.3}
 BESIDE_PX = 4  # beyond a plate that are drawn with it
-FINER, TEXTURE_PX = 8, 640  # samples along a pixel's side; along a plate's
+# Samples along a pixel's side; along a plate's: half as many blur the nearest boards by more than is worth a name
+FINER, TEXTURE_PX = 8, 1280
 STATIONS = [(h, t) for h in (0.35, 0.5, 0.65) for t in (40, 55)]
 NOISE_DN, POSITION_M, ANGLE_DEG = 1.0, 0.002, 0.2
 
