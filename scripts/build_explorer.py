@@ -4,7 +4,6 @@ import json
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 import job
@@ -14,6 +13,7 @@ from inputs.scene import target_plate
 from reporting.explore_tables import as_js, rounded
 from reporting.pages import render
 from rig.geometry import make_pose, transform
+from rig.plates import marker_corners_plate
 
 SCRIPTS = ("loader.js", "viewer.js", "loupe.js", "map.js", "list.js", "explore.js")  # in the order in which they run
 COPIED = (*SCRIPTS, "explore.css", "openseadragon/openseadragon.min.js", "openseadragon/LICENSE.txt")
@@ -22,8 +22,7 @@ COPIED = (*SCRIPTS, "explore.css", "openseadragon/openseadragon.min.js", "opense
 def outline_of(marker):
     """Return the outline (4, 2) on the ground of a marker's plate, a row of the markers' table, as lists."""
     T = make_pose([marker.rx, marker.ry, marker.rz], [marker.x, marker.y, marker.z])
-    h = marker.plate_m / 2
-    return rounded(transform(T, np.array([[-h, h, 0], [h, h, 0], [h, -h, 0], [-h, -h, 0]]))[:, :2], 4)
+    return rounded(transform(T, marker_corners_plate(marker.plate_m))[:, :2], 4)
 
 
 def board_outline(scene):

@@ -12,8 +12,7 @@ from detectors._opencv import OpenCvDetector
 from gap.measure.capture import grey_of
 from markers.contract import drawing_of
 from rig.geometry import rotation_angle_deg
-
-UNIT_SQUARE = np.float32([[-0.5, 0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]])
+from rig.plates import marker_corners_plate
 
 
 class Finder:
@@ -79,5 +78,6 @@ def _enlarged(corners, times):
     """Return the corners (4, 2) in an image of a square so many times as large as the one of these, about its middle."""
     if times == 1:
         return corners
-    homography = cv2.getPerspectiveTransform(UNIT_SQUARE, np.float32(corners))
-    return cv2.perspectiveTransform(times * UNIT_SQUARE[None], homography)[0].astype(float)
+    square = np.float32(marker_corners_plate(1.0)[:, :2])
+    homography = cv2.getPerspectiveTransform(square, np.float32(corners))
+    return cv2.perspectiveTransform(times * square[None], homography)[0].astype(float)

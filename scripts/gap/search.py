@@ -334,7 +334,7 @@ class Search:
             gain=float(gains.sum()),
             gain_se=float(np.sqrt(len(gains)) * gains.std(ddof=1)) if len(gains) > 1 else float("nan"),
             stations_gaining=float((gains > -MIN_STATION_LOSS - 0.02 * gains.sum()).mean()) if len(gains) else 0.0,
-            is_significant=is_significant(effect, values, doubts(base, twin)),
+            is_significant=is_significant(effect, values, errors_to_exceed(base, twin)),
             group_gains={name: before[name] - after[name] for name in before},
         )  # fmt: skip
 
@@ -353,11 +353,11 @@ def gains_by_station(problem, before, after):
     return np.array([stations[s] for s in sorted(stations)])
 
 
-def doubts(base, twin):
-    """Return the cautious errors {(effect, parameter): standard error} of a twin's parameters.
+def errors_to_exceed(base, twin):
+    """Return the standard errors {(effect, parameter): error} that a twin's parameters must exceed to be certain.
 
-    They are those of the captures that were fitted. None count where it gains so much over its base, on the captures that no
-    fit saw, that this says how certain it is.
+    They are the cautious ones of the captures that were fitted; there are none where the twin gains so much over its base, on
+    captures that no fit saw, that this says how certain it is.
     """
     gain = sum(base.losses.values()) - sum(twin.losses.values())
     certain = gain > max(CLEAR_EVIDENCE * MIN_GAIN, CERTAIN_SHARE * sum(base.excess.values()))

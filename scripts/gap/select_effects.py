@@ -10,7 +10,7 @@ import numpy as np
 from effects import library
 from gap.residuals import GROUPS
 from gap.score import excess_of
-from gap.search import MAX_PARAMETERS, MIN_GAIN, Search, doubts, gains_by_station, is_significant, rank
+from gap.search import MAX_PARAMETERS, MIN_GAIN, Search, errors_to_exceed, gains_by_station, is_significant, rank
 from gap.twin import Twin
 
 MAX_TRIED, MAX_TRIED_AGAIN = 6, 4  # candidates that are fitted at first and in later steps; others stay at their null
@@ -164,7 +164,7 @@ def path(selection, base, first, before, start_with=None, taken=()):
             break
         best = next((c for c in missing if c.effect == start_with and not steps), missing[0])
         adopted = search.adopt(best)
-        if not is_significant(best.effect, dict(adopted.effects)[best.effect], doubts(twin, adopted)):
+        if not is_significant(best.effect, dict(adopted.effects)[best.effect], errors_to_exceed(twin, adopted)):
             candidates = [c for c in candidates if c is not best]  # beside the others, refitted, nothing of it is left
             continue
         confused = confused_with(search.problem, best, candidates)

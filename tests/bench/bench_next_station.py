@@ -1,7 +1,7 @@
 """Where to photograph next, closed: ``python tests/bench/bench_next_station.py [--runs N] [--most N]``.
 
 A camera with one hidden effect, drawn by the generator of tests/bench/generator, and a rival that few captures cannot tell from
-it. From the same four captures, one more is taken again and again where the program suggests, or at random, until the verdict
+it. From the same first captures, one more is taken again and again where the program suggests, or at random, until the verdict
 names the hidden effect alone. The pairs are those of PAIRS whose first verdict is not right; one capture is the fewest.
 """
 

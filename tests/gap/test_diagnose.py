@@ -10,7 +10,7 @@ from effects import library, pipeline
 from gap.discrete import Discrete
 from gap.residuals import LOST_PLATE, flatten
 from gap.score import overall_gap
-from gap.search import Search, doubts, is_significant
+from gap.search import Search, errors_to_exceed, is_significant
 from gap.select_effects import Selection, Step, _with_simpler, outcome_of, verdict, verdict_of
 from gap.split import split_by_station
 
@@ -154,7 +154,7 @@ def test_what_gains_most_on_captures_that_no_fit_saw_is_not_doubted(gain, doubte
     excess = 550.0 if gain < 500 else 1550.0
     base = SimpleNamespace(losses={0: 2000.0, 1: 0.0}, excess={"corners": excess})
     twin = SimpleNamespace(losses={0: 2000.0 - gain, 1: 0.0}, cautious_errors={("rail_sag", "bow_m"): 0.1})
-    assert bool(doubts(base, twin)) == doubted
+    assert bool(errors_to_exceed(base, twin)) == doubted
 
 
 def test_a_warp_is_there_though_none_of_its_waves_is_certain_by_itself():
