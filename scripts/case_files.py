@@ -125,7 +125,7 @@ def load_patches(expand, register_json, camera, patches, points, twin):
     Raises ValueError where too few photographs show patches.
     """
     target = json.loads((Path(expand) / "scene.json").read_text())["target"]
-    case = load_photographs(expand, register_json, camera, Board.model_validate(target))
+    case = load_photographs(expand, register_json, camera, board_patches(Board.model_validate(target)))
     load_observations(patches, case)
     case.thin()
     if sum(c.observation.measured.sum() >= MIN_PATCHES for c in case.captures) < MIN_PHOTOGRAPHS:
@@ -136,11 +136,11 @@ def load_patches(expand, register_json, camera, patches, points, twin):
     return case
 
 
-def load_photographs(expand, register_json, camera, board):
-    """Return the PhotographsCase of one camera's photographs of a board (inputs.campaign.Board), nothing measured yet."""
+def load_photographs(expand, register_json, camera, patches):
+    """Return the PhotographsCase of one camera's photographs of a board by its rig.patches.Patch, nothing measured yet."""
     facts, captures, views = load_views(expand, register_json, camera)
     made = [Capture(view, int(trial)) for view, trial in zip(views, captures.trial, strict=True)]
-    return photographs_case(facts["name"], camera, load_scene(expand), made, board_patches(board))
+    return photographs_case(facts["name"], camera, load_scene(expand), made, patches)
 
 
 def without_lens(pixels, register_json):

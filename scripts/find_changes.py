@@ -15,11 +15,13 @@ import cv2
 import numpy as np
 
 import job
-from case_files import load_measured, read_capture
+from case_files import read_capture
 from effects import library
-from gap.changes import changes
+from gap.changes import MAX_P
 from gap.score import floors_of, gap_error, group_gaps, overall_gap
+from gap.signature_changes import candidates_of
 from inputs import tables
+from photograph_changes import PhotographSet, what_changed
 from rig.errors import InputError
 
 ARROW = 0.05  # of the picture's width, its longest arrows
@@ -34,13 +36,16 @@ def find_changes(before, after, campaigns, camera, candidates, threads, out, out
     Raises InputError where a campaign has too few usable photographs.
     """
     alone = [json.loads(Path(paths[3]).read_text()) for paths in (before, after)]
+    # both by the earlier registration: what is another focal length is found, not calibrated away
+    sets = [
+        PhotographSet(campaign, Path(p[0]).parent, before[1], p[2])
+        for campaign, p in zip(campaigns, (before, after), strict=True)
+    ]
     try:
-        # both by the earlier registration: what is another focal length is found, not calibrated away
-        problems = [load_measured(Path(p[0]).parent, before[1], camera, p[2]) for p in (before, after)]
-        found = changes(*problems, effects_of(*alone), candidates, threads)
+        found = what_changed(sets, camera, effects_of(*alone), candidates, threads)
     except ValueError as why:
         raise InputError(f"{campaigns[1]} against {campaigns[0]}, camera {camera}: {why}") from None
-    pictures, shown = arrows_on(found, before, after, campaigns)
+    pictures, shown = arrows_on(found.points, before, after, campaigns)
     record = changes_record(found, alone) | {"shown": shown}
     for path, picture in zip(out_pictures, pictures, strict=True):
         with job.write_atomically(path, "wb") as file:
@@ -59,54 +64,111 @@ def effects_of(*verdicts):
     return list(effects.items())
 
 
-def changes_record(found, alone):
-    """Return what the result file says of Changes; ``alone`` are the verdicts' records on each campaign by itself."""
-    steps, before = [], found.base
+def changes_record(what, alone):
+    """Return what the result file says of a WhatChanged; ``alone`` are the verdicts' records on each campaign by itself.
+
+    Gaps are the root mean square over two groups: points, and signatures where they were compared.
+    """
+    found = what.points
     members = found.captures_of(1)
     floors = floors_of(found.problem, {i: found.last.groups[i] for i in members})
 
     def gap(twin, measure=overall_gap):
         return measure({i: twin.groups[i] for i in members}, floors)
 
+    of_points = [(gap(found.base), None)]
     for change in found.changes:
-        steps.append(
-            {
-                "effect": change.effect,
-                "parameters": parameters_of(change.effect, found.last),
-                "p": change.p,
-                "gap_before": gap(before),
-                "gap_after": gap(change.twin),
-                "gap_after_se": gap(change.twin, gap_error),
-                "confused_with": [n for n in change.one_of if n != change.effect],
-            }
-            | ({"one_of": list(change.one_of)} if change.one_of else {})
-        )
-        before = change.twin
+        of_points.append((gap(change.twin), point_step(change, found.last, gap(change.twin, gap_error))))
+    of_signatures = [(what.signatures[0].before if what.signatures else None, None)]
+    of_signatures += [(change.after, signature_step(change)) for change in what.signatures]
+    steps = steps_told(of_points, of_signatures, signatures_first(what))
     candidates = [
         {"effect": n, "gap_after": gap(found.last), "se": None, "rank": k + 1, "gain": gain, "p": p}
         for k, (n, (p, gain)) in enumerate(sorted(found.asked.items(), key=lambda a: (a[1], a[0])))
     ]
+    last = _together(of_points[-1][0], of_signatures[-1][0])
     return {
         "campaign": alone[1]["campaign"],
         "camera": alone[1]["camera"],
         "baseline": alone[0]["campaign"],
-        "verdict": found.verdict,
+        "verdict": verdict_of(what),
         "steps": steps,
         "candidates": candidates,
         "where": [],
         "floor": floors,
         "suggested_station": None,
-        "gap": gap(found.last),
+        "gap": last,
         "gap_se": gap(found.last, gap_error),
-        "gap_as_configured": gap(found.base),
-        "groups": gap(found.last, group_gaps),
+        "gap_as_configured": _together(of_points[0][0], of_signatures[0][0]),
+        "groups": gap(found.last, group_gaps) | ({"signature": of_signatures[-1][0]} if what.signatures else {}),
         "p_other": found.p_other,
+        "p_signature": what.p_left,
         "captures": [len(found.captures_of(k)) for k in (0, 1)],
         "held_out": alone[1].get("held_out", []),
         "configured": alone[1].get("configured", []),
-        "not_looked_at": alone[1].get("not_looked_at", {}),
+        "not_looked_at": not_compared(what, alone[1].get("not_looked_at", {})),
         "alone": {k: alone[1].get(k) for k in ("verdict", "gap", "steps", "why") if k in alone[1]},
     }
+
+
+def verdict_of(what):
+    """Return the verdict on a WhatChanged."""
+    if what.points.verdict == "unexplained" or what.p_left <= MAX_P:
+        return "unexplained"
+    return "explained" if what.signatures or what.points.changes else "adequate"
+
+
+def signatures_first(what):
+    """Return whether what changed in signatures explains more than what changed in points."""
+    points = what.points
+    of_points = points.base.loss - points.changes[0].twin.loss if points.changes else 0.0
+    return sum(change.explained for change in what.signatures[:1]) > of_points
+
+
+def steps_told(of_points, of_signatures, signatures_first):
+    """Return the steps of two ways [(gap, step)], each from a gap without one, told one after the other in common gaps."""
+    first, second = (of_signatures, of_points) if signatures_first else (of_points, of_signatures)
+    told, here = [], [first[0][0], second[0][0]]
+    for k, way in enumerate((first, second)):
+        for after, step in way[1:]:
+            before = _together(*here)
+            here[k] = after
+            told.append(step | {"gap_before": before, "gap_after": _together(*here)})
+    return told
+
+
+def _together(*gaps):
+    return float(np.sqrt(np.mean([g**2 for g in gaps if g is not None])))
+
+
+def point_step(change, twin, error):
+    """Return a step of the record that a gap.changes.Change is, parameters as the last JointTwin has them."""
+    return _step(change.effect, change.one_of, change.p) | {
+        "parameters": parameters_of(change.effect, twin),
+        "gap_after_se": error,
+    }
+
+
+def signature_step(change):
+    """Return a step of the record that a SignatureChange is: parameters from the null, or less: to it."""
+    parameters = {}
+    for key, value in change.parameters.items():
+        null, error = library.parameters_of(change.effect)[key].null, change.errors.get(key)
+        there, here = (value, null) if change.less else (null, value)
+        parameters[key] = {"from": there, "to": here, "se": error, "value": here}
+    return _step(change.effect, change.one_of, change.p) | {"parameters": parameters, "gap_after_se": None}
+
+
+def _step(effect, one_of, p):
+    step = {"effect": effect, "p": p, "confused_with": [n for n in one_of if n != effect]}
+    return step | ({"one_of": list(one_of)} if one_of else {})
+
+
+def not_compared(what, reasons):
+    """Return {effect: why it was not compared}, of reasons why one set alone does not show them."""
+    if what.why_points_alone:
+        return {name: what.why_points_alone for name in reasons}
+    return {name: why for name, why in reasons.items() if name not in candidates_of(reasons, in_colour=True)}
 
 
 def arrows_on(found, before, after, campaigns):

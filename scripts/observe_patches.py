@@ -12,6 +12,7 @@ from case_files import load_photographs, read_capture, save_observations
 from gap.photographs import expected_corners
 from inputs import tables
 from inputs.campaign import Board
+from rig.patches import board_patches
 
 log = logging.getLogger("twingap")
 
@@ -19,7 +20,7 @@ log = logging.getLogger("twingap")
 def observe_patches(expand, register_json, campaign, camera, observations, out):
     """Measure a board's patches about where its points, those of the file ``observations``, say that they are."""
     board = Board.model_validate(json.loads((Path(expand) / "scene.json").read_text())["target"])
-    case = load_photographs(expand, register_json, camera, board)
+    case = load_photographs(expand, register_json, camera, board_patches(board))
     captures = tables.read_table(Path(expand) / "captures.csv", tables.CAPTURES).set_index("capture")
     with np.load(observations) as stored:
         points, pixels = stored["points"], stored["pixels"]

@@ -85,6 +85,11 @@ def is_pure_geometry(name):
     return affects(name) == "geometry" and not getattr(effect_named(name), "CHROMATIC", False)
 
 
+def needs_colour(name):
+    """Return whether an effect does nothing to be seen in grey images."""
+    return any(getattr(effect_named(name), flag, False) for flag in ("CHROMATIC", "MAKES_COLOUR"))
+
+
 def needs_repeats(name):
     """Return whether only repeats of a station tell an effect from others."""
     return getattr(effect_named(name), "NEEDS_REPEATS", False)

@@ -11,7 +11,7 @@ import numpy as np
 from effects import library, pipeline
 from gap.board import on_board, polynomial_terms
 from gap.capture_light import SIGMA_LIGHT, board_map, first_light
-from gap.measure.capture import COARSE_TO_FINE, N_GROUND, Codes, observe
+from gap.measure.capture import COARSE_TO_FINE, N_GROUND, Codes, grey_of, measure_plates, observe, states_at
 from gap.measure.places import SMALLEST_SIDE_PX, code_sides_px, wholly_inside
 from gap.measure.plate import FEATURES
 from gap.problem import Case, encoding_table
@@ -89,8 +89,7 @@ class PhotographsCase(Case):
 
     def observe_photograph(self, capture, image, starts):
         """Measure a photograph (H, W, C) from where the patches' codes (p, 4, 2) are expected, NaN where they are not."""
-        wanted = wholly_inside(starts, capture.view.width, capture.view.height)
-        wanted &= np.nan_to_num(code_sides_px(starts)) >= SMALLEST_SIDE_PX
+        wanted = _large_enough(image, starts)
 
         def no_regions(corners, measured):
             return np.zeros((2 * N_GROUND, 4), int)
@@ -99,6 +98,15 @@ class PhotographsCase(Case):
         capture.observation, capture.noise_variance = found
         capture.starts = library.starts_seen(image)
 
+    def patches_seen(self, image, starts):
+        """Return (indices (k,), features (k, 19)) of MAX_PATCHES patches at most, spread over what an image (H, W, C) shows."""
+        wanted = np.flatnonzero(_large_enough(image, starts))
+        wanted = spread_out(self.corners[wanted].mean(axis=1), wanted, MAX_PATCHES)
+        tried = np.isin(np.arange(len(starts)), wanted)
+        states = states_at(np.nan_to_num(starts), self.codes)
+        features, _, measured, _ = measure_plates(grey_of(image), states, tried, self.codes, COARSE_TO_FINE)
+        return np.flatnonzero(measured), features[measured]
+
     def thin(self):
         """Look at MAX_PATCHES patches of each photograph at most, spread over what it shows of the board."""
         for capture in self.captures:
@@ -106,6 +114,12 @@ class PhotographsCase(Case):
             kept = np.zeros(len(self.patches), bool)
             kept[spread_out(self.corners[seen].mean(axis=1), seen, MAX_PATCHES)] = True
             capture.observation.measured &= kept
+
+
+def _large_enough(image, starts):
+    """Return which patches (p,), whose codes' corners are expected at ``starts`` (p, 4, 2), an image shows whole and large."""
+    wanted = wholly_inside(starts, image.shape[1], image.shape[0])
+    return wanted & (np.nan_to_num(code_sides_px(starts)) >= SMALLEST_SIDE_PX)
 
 
 def spread_out(places, names, most):

@@ -3,15 +3,18 @@
 A patch has a black square, its code, with white about it, and whatever of the board's other cells lies near.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rig.board_markers import board_markers
-from rig.plates import black_rectangles
+from rig.plates import black_rectangles, white_cell_at
 from rig.targets import target_plate
 
 WHITE_ABOUT = 0.25  # of a chessboard's square, that is looked at on each side of a black one
+INSIDE_SQUARE = 0.48 * np.array(
+    [[0, 0], [-1, -1], [-1, 1], [1, -1], [1, 1]]
+)  # points that tell a black one from a marker
 FARTHEST_CELLS = 1.5  # half sides of a patch, up to which the board's cells are part of it
 
 
@@ -37,21 +40,45 @@ class Patch:
 
 
 def board_patches(board):
-    """Return the Patches of a board (inputs.campaign.Board): its markers, or a chessboard's inner black squares."""
-    cells = black_rectangles(target_plate(board))
-    if board.type == "chessboard":
+    """Return the Patches of a board (inputs.campaign.Board): its inner black squares, or a grid's markers."""
+    return _patches_of(board, target_plate(board))
+
+
+def inverted_patches(board):
+    """Return the Patches of a board whose black and white are swapped."""
+    plate = target_plate(board)
+    return _patches_of(board, replace(plate, white=~plate.white))
+
+
+def _patches_of(board, plate):
+    cells = black_rectangles(plate)
+    if board.type in ("chessboard", "charuco"):
         half = board.square_m / 2
-        middles = [
-            (f"{column + 1}/{row + 1}", np.array([column + 1.5, board.rows - row - 0.5]) * board.square_m)
-            for row in range(board.rows - 1)
-            for column in range(board.columns - 1)
-            if (row + column) % 2 == 0
+        return [
+            _patch(name, xy, half, half + WHITE_ABOUT * board.square_m, cells)
+            for name, xy in _inner_black_squares(board, plate)
         ]
-        return [_patch(name, xy, half, half + WHITE_ABOUT * board.square_m, cells) for name, xy in middles]
     return [
         _patch(f"{m.dictionary}/{int(m.id)}", np.array([m.x, m.y]), m.code_m / 2, m.plate_m / 2, cells)
         for m in board_markers(board).itertuples()
     ]
+
+
+def _inner_black_squares(board, plate):
+    """Return [(name, centre (2,))] of the squares that are black throughout and have others on all sides, from the top left."""
+    side, more = (
+        board.square_m,
+        1 if board.type == "chessboard" else 0,
+    )  # a chessboard's points are counted, not its squares
+    columns, rows = board.columns + more, board.rows + more
+    found = []
+    for row in range(1, rows - 1):
+        for column in range(1, columns - 1):
+            centre = np.array([column + 0.5, rows - row - 0.5]) * side
+            about = centre + side * INSIDE_SQUARE
+            if not white_cell_at(plate, *about.T).any():
+                found.append((f"{column}/{row}", centre))
+    return found
 
 
 def _patch(name, centre, half_code, half_patch, cells):

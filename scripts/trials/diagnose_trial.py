@@ -20,12 +20,11 @@ import cv2
 import pandas as pd
 
 import job
-from case_files import load_measured
 from diagnose_camera import verdict_record
 from find_changes import changes_record
-from gap.changes import changes
 from gap.select_effects import verdict
-from trials.observe_trial import OBSERVATIONS, REFUSED, observe_trial, observed_cases
+from photograph_changes import PhotographSet, what_changed
+from trials.observe_trial import OBSERVATIONS, PHOTOGRAPHS, REFUSED, observe_trial, observed_cases
 from trials.trial_names import BASELINE, CHANGED
 
 
@@ -50,8 +49,10 @@ def diagnose_changes(folder):
     parts = [folder / name for name in (BASELINE, CHANGED)]
     start = time.perf_counter()
     try:
-        problems = [load_measured(p / "expand", parts[0] / "register.json", camera, p / OBSERVATIONS) for p in parts]
-        record = changes_record(changes(*problems), [{"campaign": p.name, "camera": camera} for p in parts])
+        sets = [
+            PhotographSet(p / PHOTOGRAPHS, p / "expand", parts[0] / "register.json", p / OBSERVATIONS) for p in parts
+        ]
+        record = changes_record(what_changed(sets, camera), [{"campaign": p.name, "camera": camera} for p in parts])
     except ValueError as why:
         return nothing | {"why": str(why)}
     return record | {"seconds": time.perf_counter() - start}

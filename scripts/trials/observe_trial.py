@@ -28,6 +28,7 @@ from trials.trial_names import BASELINE, CHANGED
 
 OBSERVATIONS = "observations.npz"
 REFUSED = "refused.txt"
+PHOTOGRAPHS = "photographs"  # of a trial on a board's: an effect is laid on them to see whether it makes the difference
 
 
 def observe_camera(campaign, camera, folder):
@@ -64,10 +65,14 @@ def _observe_rig(campaign, out):
 
 
 def _observe_real(folder, out):
-    """Write ``out``/baseline/ and ``out``/changed/ of a trial on photographs of a board, or why they show too little."""
+    """Write ``out``/baseline/ and ``out``/changed/ of a trial on photographs of a board, or why they show too little.
+
+    The photographs themselves are kept as well.
+    """
     for part in (BASELINE, CHANGED):
         camera = load_campaign(folder / part).captures.camera.iloc[0]
         of_part = out / part
+        _keep_photographs(folder / part, of_part / PHOTOGRAPHS)
         expand_tables(folder / part, None, camera, of_part / "expand")
         try:
             if part == BASELINE:
@@ -78,6 +83,16 @@ def _observe_real(folder, out):
         except InputError as error:
             (out / REFUSED).write_text(f"{error}\n", encoding="utf-8")
             return
+
+
+def _keep_photographs(campaign, out):
+    """Link a campaign's files to a folder, or copy them where that cannot be."""
+    out.mkdir(parents=True)
+    for path in sorted(p for p in campaign.iterdir() if p.is_file()):
+        try:
+            os.link(path, out / path.name)
+        except OSError:
+            shutil.copy2(path, out / path.name)
 
 
 def observed_cases(folder):

@@ -15,7 +15,7 @@ sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests/bench")]
 import cv2
 
 from generator import draw_effect, nominal
-from generator.photographs import MOVES_POINTS, Retaken, is_in_colour, why_not_laid
+from generator.photographs import LAID_ON, Retaken, is_in_colour, why_not_laid
 from inputs.campaign import load_campaign
 from inputs.images import read_image
 from rig.errors import InputError
@@ -61,18 +61,22 @@ def dealt(names, index, *seed):
     return names[order[index % len(names)]]
 
 
-def laid_effect(index, seed, effect=None):
-    """Return the name of what is laid on in trial ``index``, None where nothing is: a third of the trials."""
+def laid_effect(index, seed, effect=None, in_colour=True):
+    """Return the name of what is laid on in trial ``index``, None where nothing is: a third of the trials.
+
+    It is dealt out of what can be laid on photographs that are ``in_colour`` or not.
+    """
     if index % NULLS == NULLS - 1:
         return None
-    return effect or dealt(MOVES_POINTS, index - index // NULLS, seed, "laid")
+    names = [n for n in LAID_ON if why_not_laid(n, in_colour) is None]
+    return effect or dealt(names, index - index // NULLS, seed, "laid")
 
 
 def drawn_effect(name, strength, camera, seed_name):
     """Return the parameters of an effect drawn for a nominal.Camera; a shutter's as a shear, for want of the scene's depth."""
     for k in range(100):
         p = draw_effect(name, strength, camera, f"{seed_name}/{k}" if k else seed_name)
-        if p.get("model", "shear") == "shear":
+        if p.get("model") != "moving camera":
             return p
     raise AssertionError(f"{name}: no draw can be laid on")
 
@@ -85,9 +89,10 @@ def generate_real_trial(out, truths, folder, index, seed, effect=None, strength=
     name, trial_seed, strength = identity("real", index, seed, effect, strength)
     source = dealt(sources_in(folder)[0], index, seed, "sources")
     camera = nominal.Camera(source.camera, *source.size, float(max(source.size)))
-    laid = laid_effect(index, seed, effect)
     images = {row["capture"]: _red_first(source.folder / row["image"]) for row in source.captures}
-    if laid and (why := why_not_laid(laid, any(map(is_in_colour, images.values())))):
+    in_colour = any(map(is_in_colour, images.values()))
+    laid = laid_effect(index, seed, effect, in_colour)
+    if laid and (why := why_not_laid(laid, in_colour)):
         raise InputError(f"{source.folder}: {why}")
     effects = {laid: drawn_effect(laid, strength, camera, trial_seed)} if laid else {}
     for part, first, acting in ((BASELINE, 0, {}), (CHANGED, 1, effects)):

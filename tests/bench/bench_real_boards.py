@@ -37,6 +37,7 @@ from reporting.sentences import effect_words, or_others, plain  # noqa: E402
 from rig.errors import InputError  # noqa: E402
 from rig.geometry import perturb_pose  # noqa: E402
 from rig.light import free_numbers, in_own_light  # noqa: E402
+from rig.patches import board_patches  # noqa: E402
 
 REAL = ROOT.parent / "shared/real"
 TABLE, PAGE = ROOT / "docs/real-photographs.csv", ROOT / "docs/real-photographs.md"
@@ -121,7 +122,7 @@ def grey_levels_off(search, twin, expand, intrinsics, campaign):
     """
     case, target = search.problem, json.loads((expand / "scene.json").read_text())["target"]
     images = pd.read_csv(expand / "captures.csv", dtype=str).set_index("capture").image
-    drawn = load_photographs(expand, intrinsics, case.camera, Board.model_validate(target))
+    drawn = load_photographs(expand, intrinsics, case.camera, board_patches(Board.model_validate(target)))
     free, zero, rows = free_numbers(load_campaign(campaign).file.left_open), np.zeros(6), []
     for i in search.test[:MOST_DRAWN]:
         capture = replace(drawn.captures[i], view=replace(case.captures[i].view, T_cam_world=moved_pose(case, i, twin)))

@@ -2,73 +2,25 @@
 
 import numpy as np
 import pytest
+from drawn_board import K, board_case, light_of, photograph
 
 from effects import library, pipeline
-from effects.base import Scene, View
-from gap.photographs import LIKE_LIGHT, competing, expected_corners, photographs_case, roughness, spread_out
-from gap.problem import MARGIN_PX, Capture
+from gap.photographs import LIKE_LIGHT, competing, expected_corners, roughness, spread_out
 from gap.search import Search
-from inputs.campaign import Board
-from rig.geometry import camera_matrix, make_pose, project
-from rig.light import LIGHT
-from rig.patches import board_patches
-from rig.targets import target_plate
+from rig.geometry import project
 
-BOARD = Board.model_validate({"type": "chessboard", "columns": 8, "rows": 6, "square_m": 0.03})
-SCENE = Scene((target_plate(BOARD),), 0.9, 0.04, 0.9, 0.9)
-K = camera_matrix(420.0, 420.0, 159.5, 119.5)
 HIDDEN = [("lens_blur", library.nulls_of("lens_blur") | {"sigma_px": 1.0})]
-
-
-def view_of(k, name):
-    """Return a View of the board from above, each from another place."""
-    middle = np.array([0.135, 0.105, 0.0])
-    tilt = np.array([[0.5, 0.1], [-0.4, 0.3], [0.1, -0.5], [0.3, 0.4], [-0.3, -0.3], [0.45, -0.2]][k % 6]) * (
-        1 + 0.1 * k
-    )
-    T = make_pose([np.pi + tilt[0], tilt[1], 0.05 * k], [0.0, 0.0, 0.0])
-    T[:3, 3] = np.array([0.01 * (k % 3 - 1), 0.01 * (k % 2), 0.42]) - T[:3, :3] @ middle
-    return View(K, 320, 240, MARGIN_PX, T, "camera", name, name)
-
-
-def light_of(k):
-    """Return LIGHT (11,) of photograph k."""
-    values = {
-        "gain": -0.5 + 0.05 * k,
-        "along_x": 0.1 - 0.04 * k,
-        "along_y": 0.05,
-        "red": -0.2,
-        "blue": 0.15,
-        "stray": 0.01,
-    }
-    return np.array([values.get(name, 0.0) for name in LIGHT])
 
 
 @pytest.fixture(scope="module")
 def photographs():
     """The measured case of eight photographs, each with its light, all with the same blur."""
-    patches = board_patches(BOARD)
-    captures = [Capture(view_of(k, f"p{k}"), 1) for k in range(8)]
-    case = photographs_case("c", "camera", SCENE, captures, patches)
-    for k, capture in enumerate(captures):
-        whole = case.radiance_of(capture, HIDDEN, np.zeros(6))
-        m = MARGIN_PX
-        x, y = np.meshgrid(np.arange(-m, 320 + m), np.arange(-m, 240 + m))
-        board_x, board_y = on_board(capture.view, x, y)
-        lit = case.lit(whole, light_of(k), board_x, board_y)
-        rng = np.random.default_rng(k)
-        image = pipeline.form_image(lit, capture.view, pipeline.left_to_apply(HIDDEN), None)
-        image = np.clip(np.rint(image + rng.normal(0, 1.0, image.shape)), 0, 255)
+    case = board_case(8)
+    for k, capture in enumerate(case.captures):
         corners = project(K, capture.view.T_cam_world, case.corners)
-        case.observe_photograph(capture, image, corners + rng.normal(0, 0.3, corners.shape))
+        starts = corners + np.random.default_rng(k).normal(0, 0.3, corners.shape)
+        case.observe_photograph(capture, photograph(case, k, HIDDEN), starts)
     return case
-
-
-def on_board(view, x, y):
-    """Return the board's x and y at pixels, where its plane is z = 0."""
-    H = np.linalg.inv(view.K @ view.T_cam_world[:3, [0, 1, 3]])
-    u, v, w = (H[k, 0] * x + H[k, 1] * y + H[k, 2] for k in range(3))
-    return u / w, v / w
 
 
 def test_light_of_each_photograph_is_found(photographs):

@@ -46,7 +46,7 @@ def test_a_patch_shows_the_boards_cells(kind):
         row = np.searchsorted(plate.y_m, y) - 1
         shown = is_black(patch.black, x - patch.centre[0], y - patch.centre[1])
         np.testing.assert_array_equal(shown, ~plate.white[row, column])
-    assert len(patches) == {"chessboard": 6, "charuco": 10, "aruco_grid": 6}[kind]
+    assert len(patches) == {"chessboard": 6, "charuco": 3, "aruco_grid": 6}[kind]
 
 
 @pytest.mark.parametrize("kind", BOARDS)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from generator import LIBRARY, nominal
-from generator.photographs import MAX_SHIFT_PX, MOVES_POINTS, Retaken, decode, why_not_laid
+from generator.photographs import LAID_ON, MAX_SHIFT_PX, MOVES_POINTS, Retaken, decode, why_not_laid
 from generator.sensor import encode
 from trials.real_trials import NULLS, drawn_effect, laid_effect
 
@@ -57,14 +57,22 @@ def test_what_is_laid_on_moves_points_as_it_says(effects, moved):
 
 def test_a_third_are_nulls_and_effects_come_equally_often():
     """Fails if nulls are fewer than a third, or an effect is never laid on."""
-    laid = [laid_effect(k, "seed") for k in range(NULLS * 6)]
-    assert laid.count(None) == 6
-    assert sorted(n for n in laid if n) == sorted(2 * MOVES_POINTS)
+    laid = [laid_effect(k, "seed") for k in range(NULLS * len(LAID_ON))]
+    assert laid.count(None) == len(LAID_ON)
+    assert sorted(n for n in laid if n) == sorted(2 * LAID_ON)
+    grey = {laid_effect(k, "seed", in_colour=False) for k in range(NULLS * len(LAID_ON))}
+    assert grey == {None, *LAID_ON} - {"lateral_chromatic_aberration", "bayer_demosaic", "colour_balance"}
 
 
 def test_a_shutter_is_drawn_as_a_shear():
     """Fails if a camera that moves before a scene of unknown depth is laid on."""
     assert {drawn_effect("rolling_shutter", 1.0, CAMERA, f"s{k}")["model"] for k in range(20)} == {"shear"}
+
+
+@pytest.mark.parametrize("name", LAID_ON)
+def test_all_that_is_dealt_can_be_drawn(name):
+    """Fails if an effect with several models has none that can be laid on."""
+    assert drawn_effect(name, 1.0, CAMERA, "s")
 
 
 def test_what_cannot_be_laid_on_is_refused_in_words():

@@ -22,6 +22,7 @@ SCENE = (
 MOVES_POINTS = (
     "focal_length", "principal_point", "radial_distortion", "tangential_distortion", "rolling_shutter", "local_warp",
 )  # fmt: skip
+LAID_ON = tuple(name for name in LIBRARY if name not in SCENE)
 MAX_SHIFT_PX = 0.5
 
 

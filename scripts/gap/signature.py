@@ -1,0 +1,243 @@
+"""Signature of a photograph: what it shows of its camera besides where points lie.
+
+Sharpness, noise, colours, light and traces of a codec, one vector a photograph, measured in windows about the board's patches.
+Effects can be laid on it: the photograph then stands for the light that reaches a camera which has them.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import cv2
+import numpy as np
+from scipy.fft import dctn
+
+from effects import pipeline
+from effects.encoding import srgb_decode
+from gap.measure.capture import (
+    BLACK,
+    WHITE,
+    colour_of,
+    colour_responses_of,
+    grey_of,
+    measure_one,
+    plate_cores,
+    states_of,
+    window_classes,
+)
+from gap.measure.plate import FEATURES
+from gap.measure.regions import BLACK as BLACK_PIXELS
+from gap.measure.regions import WHITE as WHITE_PIXELS
+from gap.measure.regions import _structure
+from gap.predict.windows import FRAME_COLUMNS, FRAME_ROWS, make_atlas
+
+EDGES = ("spread_x", "spread_y", "spread_xy", "overshoot", "ink")
+NOISE = ("noise_white", "noise_black", "noise_across", "noise_coarse", "noise_colour")
+SIGNS = (
+    *EDGES, "overshoot_outwards", *NOISE, "blocks", "flat_blocks",
+    "light", "black", "light_outwards", "red", "blue", "red_outwards", "blue_outwards",
+)  # fmt: skip
+BLOCK = 8  # pixels, of the codec of most cameras (ITU-T T.81)
+LINEAR = srgb_decode(np.arange(256) / 255).astype(np.float32)  # light of grey levels
+REACH_PX = 24  # about a patch: what effects see
+SPARE = 0.02  # of squared places, in units of the half diagonal: what a slope needs to be told
+SPARE_CURVED = 0.005  # the same of what a plane leaves of them
+FINE_COEFFICIENT = 4  # sum of the orders from which a block's coefficients are of fine detail
+NEARLY_0_DN = 1.0
+LEAST = 1e-4  # of linear light
+MIN_PIXELS = 100  # of white or black, that tell their noise
+
+
+@dataclass(frozen=True)
+class Photograph:
+    """A photograph as its patches show it.
+
+    image (H, W, C) 8 bits, red first; view its effects.base.View; codes of the patches (gap.measure.capture.Codes); plates
+    (k,) which of them are looked at; features (k, 19) as gap.measure.plate measures them in it.
+    """
+
+    image: np.ndarray
+    view: object
+    codes: object
+    plates: np.ndarray
+    features: np.ndarray
+
+    def fewer(self, most):
+        """Return the photograph as so many of its patches show it."""
+        kept = np.linspace(0, len(self.plates) - 1, min(len(self.plates), most)).round().astype(int)
+        return replace(self, plates=self.plates[kept], features=self.features[kept])
+
+    @cached_property
+    def atlas(self):
+        """Where the windows about the patches lie in one small image."""
+        corners = np.zeros((len(self.codes.half_code), 4, 2))
+        corners[self.plates] = self.features[:, :8].reshape(-1, 4, 2)
+        return make_atlas(plate_cores(corners, self.codes, self.plates), REACH_PX, self._size)
+
+    @property
+    def _size(self):
+        return self.image.shape[1], self.image.shape[0]
+
+    @cached_property
+    def _classes(self):
+        """Which pixels of the windows are white or black throughout."""
+        corners = np.zeros((len(self.codes.half_code), 4, 2))
+        corners[self.plates] = self.features[:, :8].reshape(-1, 4, 2)
+        return window_classes(self.atlas, self.plates, corners, self.codes, ())
+
+    @cached_property
+    def _small(self):
+        """The whole frame's linear light in small, as windows of an image have it below them."""
+        small = cv2.resize(LINEAR[self.image], (FRAME_COLUMNS, FRAME_ROWS), interpolation=cv2.INTER_AREA)
+        return small.reshape(FRAME_ROWS, FRAME_COLUMNS, -1)
+
+    @cached_property
+    def _whole_blocks(self):
+        """Which blocks (rows, columns) of the windows' small image lie in a window."""
+        inside = np.zeros(self.atlas.shape, bool)
+        for k in range(len(self.plates)):
+            inside[self.atlas.window(k)] = True
+        return inside[::BLOCK, ::BLOCK]
+
+    def levels(self, effects=(), rng=None):
+        """Return the grey levels (rows, columns, C) of the windows, with effects [(name, parameters)] laid on."""
+        if not effects:
+            return self.atlas.gather(self.image).astype(np.float32)
+        view = replace(self.view, margin=0, windows=self.atlas.windows, exposure=1.0, noise_dn=0.0)
+        linear = self._light_at(view.windows.x, view.windows.y, view, effects)
+        linear[self.atlas.windows.frame] = self._small
+        formed = pipeline.photometric(linear, view, list(effects), rng)[: self.atlas.shape[0]]
+        return np.clip(np.rint(formed), 0, 255)
+
+    def whole(self, effects, rng):
+        """Return the photograph (H, W, C), 8 bits, red first, with effects laid on all of it."""
+        view = replace(self.view, margin=0, windows=None, exposure=1.0, noise_dn=0.0)
+        y, x = np.indices(self.image.shape[:2], np.float32)
+        formed = pipeline.photometric(self._light_at(x, y, view, effects), view, list(effects), rng)
+        return pipeline.to_uint8(formed)
+
+    def _light_at(self, x, y, view, effects):
+        """Return linear light (rows, columns, C) at pixels x, y, colours moved by effects that move them apart."""
+        size = np.array(self._size) - 1
+        if not (pipeline.is_chromatic(effects) and self.image.shape[2] > 1):
+            columns, rows = (np.rint(np.clip(v, 0, most)).astype(int) for v, most in zip((x, y), size, strict=True))
+            return LINEAR[self.image[rows, columns]]
+        flat, planes = np.stack([x, y], axis=-1).reshape(-1, 2).astype(float), []
+        for channel in range(self.image.shape[2]):
+            at = 2 * flat - pipeline.map_points(
+                flat, view, list(effects), channel
+            )  # moves are small: where they come from
+            x_from, y_from = (v.reshape(x.shape).astype(np.float32) for v in at.T)
+            plane = LINEAR[self.image[..., channel]]
+            planes.append(cv2.remap(plane, x_from, y_from, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE))
+        return np.stack(planes, axis=-1)
+
+    def signature(self, effects=(), rng=None):
+        """Return the signs (len(SIGNS),) of the photograph with effects laid on, NaN where it does not show one."""
+        levels = self.levels(effects, rng)
+        grey = grey_of(levels)
+        found = [self._measured(grey, levels, k, i) for k, i in enumerate(self.plates)]
+        found = [f for f in found if f is not None]
+        signs = dict.fromkeys(SIGNS, np.nan)
+        if found:
+            features, colours = (np.array(v) for v in zip(*found, strict=True))
+            signs |= self._of_edges(features) | self._of_light(features, colours)
+        signs |= self._of_noise(grey, levels) | self._of_blocks(grey)
+        return np.array([signs[name] for name in SIGNS])
+
+    def _measured(self, grey, levels, k, i):
+        """Return (features (19,), colours (10,)) of a patch in the windows' levels, None where it is lost."""
+        offset = np.tile(self.atlas.offset(k), 4)
+        before = self.features[k].copy()
+        before[:8] -= offset
+        window = self.atlas.window(k)
+        features, _, ok, _ = measure_one(np.ascontiguousarray(grey[window]), states_of(before[None])[0], self.codes, i)
+        if not ok:
+            return None
+        colour = np.zeros(10)
+        if levels.shape[2] > 1:
+            corners = features[:8].reshape(4, 2)
+            colour = colour_of(levels[window], colour_responses_of(grey[window].shape, corners, self.codes, i))
+        features[:8] += offset
+        return features, colour
+
+    def _places(self, features):
+        """Return the places (p, 2) of patches from the frame's middle, in halves of its diagonal."""
+        size = np.array(self._size)
+        return (features[:, :8].reshape(-1, 4, 2).mean(1) - (size - 1) / 2) / np.hypot(*size) * 2
+
+    def _of_edges(self, features):
+        values = {name: features[:, FEATURES.index(name)] for name in EDGES}
+        r2 = (self._places(features) ** 2).sum(1)
+        return {name: np.median(v) for name, v in values.items()} | {
+            "overshoot_outwards": slope(values["overshoot"], r2)
+        }
+
+    def _of_light(self, features, colours):
+        white, black = (self.codes.nominal_dn[n] + features[:, k] for n, k in ((0, WHITE), (1, BLACK)))
+        of_red, of_blue = colours[:, 0], colours[:, 5]  # white's differences from the mean of the three
+        red, green, blue = (linear(white + d) for d in (of_red, -of_red - of_blue, of_blue))
+        places = self._places(features)
+        plane = np.column_stack([np.ones(len(places)), places])
+        r2 = (places**2).sum(1)
+        flat = [v - plane @ np.linalg.lstsq(plane, v, rcond=None)[0] for v in (np.log(linear(white)), r2)]
+        out = {
+            "light": np.median(np.log(linear(white))),
+            "black": np.median(linear(black) / linear(white)),
+            "light_outwards": (flat[0] @ flat[1]) / (flat[1] @ flat[1] + SPARE_CURVED * len(r2)),
+            "red": np.median(np.log(red / green)),
+            "blue": np.median(np.log(blue / green)),
+        }
+        for name, part in (("red_outwards", colours[:, 3:5]), ("blue_outwards", colours[:, 8:10])):
+            out[name] = (part * places).sum() / ((places**2).sum() + SPARE * len(places))
+        return out
+
+    def _of_noise(self, grey, levels):
+        sums = _structure(grey.astype(np.float64), self._classes)[0]
+        white, black = sums[WHITE_PIXELS], sums[BLACK_PIXELS]
+        out = {}
+        for name, of in (("noise_white", white), ("noise_black", black)):
+            n = of[1] + of[3]
+            out[name] = _log((of[0] + of[2]) / n / 2) if n >= MIN_PIXELS else np.nan
+        both = white + black
+        if min(both[[1, 3, 5, 7]]) >= MIN_PIXELS:
+            d1x, d1y, d2x, d2y = both[[0, 2, 4, 6]] / both[[1, 3, 5, 7]]
+            out["noise_across"] = _log(d1y) - _log(d1x)
+            out["noise_coarse"] = _log(d2x + d2y) - _log(d1x + d1y)
+            if levels.shape[2] > 1:
+                colour = np.ascontiguousarray(levels[..., 0] - levels[..., 2], np.float64)
+                of = _structure(colour, self._classes)[0][[WHITE_PIXELS, BLACK_PIXELS]].sum(0)
+                out["noise_colour"] = _log((of[0] + of[2]) / (of[1] + of[3])) - _log(d1x + d1y)
+        return out
+
+    def _of_blocks(self, grey):
+        rows, columns = (n // BLOCK for n in grey.shape)
+        blocks = grey.reshape(rows, BLOCK, columns, BLOCK).transpose(0, 2, 1, 3)[self._whole_blocks]
+        coefficients = dctn(blocks, axes=(1, 2), norm="ortho")
+        order = np.add.outer(np.arange(BLOCK), np.arange(BLOCK))
+        fine = np.abs(coefficients[:, order >= FINE_COEFFICIENT])
+        steps = np.abs(np.diff(grey, axis=1))
+        flat = (self._classes[:, 1:] > 0) & (self._classes[:, 1:] == self._classes[:, :-1])
+        edge = np.zeros_like(flat)
+        edge[:, BLOCK - 1 :: BLOCK] = True
+        at, off = steps[flat & edge], steps[flat & ~edge]
+        enough = min(len(at), len(off)) >= MIN_PIXELS // 2
+        return {
+            "flat_blocks": (fine < NEARLY_0_DN).mean() if len(blocks) else np.nan,
+            "blocks": _log((at**2).mean()) - _log((off**2).mean()) if enough else np.nan,
+        }
+
+
+def linear(levels):
+    """Return linear light of grey levels, never none."""
+    return np.maximum(srgb_decode(np.clip(levels, 0, 255) / 255), LEAST)
+
+
+def slope(values, by):
+    """Return how values (p,) grow with others (p,), less where these hardly differ."""
+    by = by - by.mean()
+    return (values - values.mean()) @ by / (by @ by + SPARE * len(by))
+
+
+def _log(value):
+    """Return the logarithm of a variance, of what rounding leaves at least."""
+    return float(np.log(max(value, 1e-2)))

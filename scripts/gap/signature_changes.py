@@ -1,0 +1,317 @@
+"""What has changed in a camera's photographs besides where points lie: signatures (gap.signature) of two sets are compared.
+
+Whether anything changed, permuted photographs say. What it was: each effect is laid on the earlier photographs, or on the later
+ones where it has become less, and the one that takes one set's signatures to the other's gets its name.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from effects import library
+from gap.changes import MAX_GROUP, MAX_P, MIN_CAPTURES
+from gap.parameters import spec
+from gap.permutation import labellings
+from gap.signature import SIGNS
+from job import seed_of
+
+MIN_SHOWING = 0.8  # of the photographs, that show a sign which counts
+MOST_LAID, PATCHES_LAID = 4, 6  # photographs of a set, patches of each, on which effects are laid to see what they do
+SCALES = (0.1, 4.0)  # of an effect's starts, at least and at most
+FIRST_STEP = 5.0  # times what matters, from effects that start at nothing
+MAX_REFINED, STEPS = 4, 4  # effects whose parameters are fitted, steps of a fit
+FAR_BEHIND = 6.0  # times what the best leaves, from which an effect's are not
+MIN_SHARE_EXPLAINED = 0.5  # of what has changed, that a named effect explains
+MIN_SHARE_OF_NEXT = (
+    0.2  # of what had changed at first, left for another: a form not quite the camera's leaves a residue
+)
+MAX_CHANGES = 3
+MAX_TIMES_LEFT = 2.0  # times what the best leaves, up to which another effect explains alike
+
+
+@dataclass(frozen=True)
+class SignatureChange:
+    """An effect that the later photographs have more of (``less``: less of) than the earlier ones.
+
+    parameters {name: value} and errors {name: standard error} of the effect as it was laid on; p of the permutations
+    before, after  root mean square differences of the sets' signatures in standard errors
+    explained  by what the sum of their squares falls; one_of what cannot be told from it
+    """
+
+    effect: str
+    less: bool
+    parameters: dict
+    errors: dict
+    p: float
+    before: float
+    after: float
+    explained: float
+    one_of: tuple
+
+    @property
+    def laid(self):
+        """The effect as it is laid on: [(name, parameters)]."""
+        return [(self.effect, self.parameters)]
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Signatures of two sets: which signs count, their differences in standard errors t (k,), what whitens these, p, the
+    errors (k,) of differences of means.
+    """
+
+    counted: np.ndarray
+    t: np.ndarray
+    whitener: np.ndarray
+    p: float
+    error: np.ndarray
+
+    def distance(self, moved):
+        """Return the whitened differences (k,) that a move (len(SIGNS),) of the earlier signatures leaves."""
+        return self.whitener @ (self.t - np.nan_to_num(moved[self.counted]) / self.error)
+
+
+def compared(before, after, seed):
+    """Return the Compared of signatures (n, len(SIGNS)) of two sets; permutations are drawn by a seed."""
+    every, belongs = np.concatenate([before, after]), np.repeat([0, 1], [len(before), len(after)])
+    shown = np.isfinite(every)
+    counted = np.flatnonzero(np.minimum(*(shown[belongs == k].mean(0) for k in (0, 1))) >= MIN_SHOWING)
+    values = every[:, counted]
+    for k in (0, 1):
+        own = belongs == k
+        values[own] = np.where(np.isfinite(values[own]), values[own], np.nanmedian(values[own], axis=0))
+    found = [_statistic(values, labels) for labels in labellings(belongs, np.random.default_rng(seed))]
+    _, t, whitener, error = found[0]
+    evidence = np.array([f[0] for f in found])
+    evidence = ((evidence - evidence.mean(0)) / np.maximum(evidence.std(0), 1e-12)).max(1)
+    return Compared(counted, t, whitener, float((evidence >= evidence[0] - 1e-9).mean()), error)
+
+
+def _statistic(values, labels):
+    """Return (evidence (2,), differences t, whitener, errors of differences) of values (n, k) in two sets.
+
+    Evidence of a change is Hotelling's statistic, its cube root, and the largest difference: of many signs, or of one.
+    Correlations are shrunk towards none, as n photographs tell few. Source: O. Ledoit and M. Wolf, "A well-conditioned estimator
+    for large-dimensional covariance matrices" (2004).
+    """
+    sets = [values[labels == k] for k in (0, 1)]
+    n, k = values.shape
+    within = np.concatenate([s - s.mean(0) for s in sets])
+    sd = np.sqrt((within**2).sum(0) / (n - 2)) + 1e-6
+    error = sd * np.sqrt(sum(1 / len(s) for s in sets))
+    t = (sets[1].mean(0) - sets[0].mean(0)) / error
+    shrunk = k / (k + n - 2)
+    correlation = (1 - shrunk) * (within / sd).T @ (within / sd) / (n - 2) + shrunk * np.eye(k)
+    whitener = np.linalg.inv(np.linalg.cholesky(correlation))
+    return (np.cbrt(((whitener @ t) ** 2).sum()), np.abs(t).max()), t, whitener, error
+
+
+def candidates_of(names, in_colour):
+    """Return those of some effects that can be laid on photographs: not the scene's, which are in the light already."""
+    return [
+        n
+        for n in names
+        if library.effect_named(n).STAGE != "scene"
+        and not library.is_pure_geometry(n)
+        and (in_colour or not library.needs_colour(n))
+    ]
+
+
+class Layer:
+    """Lays effects on some photographs of a set: what do their signatures become?"""
+
+    def __init__(self, photographs, laid, sign, each):
+        """laid: effects that the photographs have on already; sign 1 of the earlier set, -1 of the later one."""
+        self.photographs = [p.fewer(PATCHES_LAID) for p in _spread(photographs, MOST_LAID)]
+        self.laid, self.sign, self.each = list(laid), sign, each
+        self._before = self._signatures([])
+
+    def _signatures(self, effects):
+        return np.array(list(self.each(lambda p: signature_with(p, [*self.laid, *effects]), self.photographs)))
+
+    def move(self, effects):
+        """Return by what the earlier signatures (len(SIGNS),) seem to move."""
+        with np.errstate(invalid="ignore"):
+            moved = self._signatures(effects) - self._before
+        return self.sign * np.array([np.median(m[np.isfinite(m)]) if np.isfinite(m).any() else 0.0 for m in moved.T])
+
+
+def signature_with(photograph, effects):
+    """Return the signature of a photograph with effects laid on, random numbers drawn by the capture's name."""
+    return photograph.signature(effects, np.random.default_rng(seed_of("laid on", photograph.view.capture)))
+
+
+def _spread(items, most):
+    return [items[int(k)] for k in np.linspace(0, len(items) - 1, min(len(items), most)).round()]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """An effect laid on: which one and how; the whitened distance that is left, its square charged for parameters."""
+
+    effect: str
+    less: bool
+    parameters: dict
+    left: float
+    distance: np.ndarray
+    errors: dict
+
+
+def tried(name, layer, comparison):
+    """Return the Trial of an effect that comes nearest: as it starts, and as much of it as would fit best if it were linear.
+
+    None where it leads the other way.
+    """
+    nulls = library.nulls_of(name)
+    if all(nulls | s == nulls for s in library.starts_of(name)):
+        return _tried_from_nothing(name, layer, comparison) if layer.sign > 0 else None
+    found, start_distance = [], comparison.distance(np.zeros(len(SIGNS)))
+    for start in starts_of(name):
+        trial = laid_on(name, start, layer, comparison)
+        way = start_distance - trial.distance
+        scale = float(way @ start_distance) / max(float(way @ way), 1e-9)
+        if scale > 0:
+            other = scaled(name, nulls, start, np.clip(scale, *SCALES))
+            found += [trial] if other == start else [trial, laid_on(name, other, layer, comparison)]
+    return min(found, key=lambda t: t.left, default=None)
+
+
+def starts_of(name):
+    """Return the starts [{parameter: value}] of an effect; of one that mixes alternatives alike each alone as well."""
+    out = []
+    for given in library.starts_of(name):
+        moved = {k: v for k, v in given.items() if not spec((name, k)).auxiliary}
+        out.append(library.nulls_of(name) | given)
+        if len(moved) > 2 and len(set(moved.values())) == 1:
+            alone = ({k: sum(moved.values()) * (k == one) for k in moved} for one in moved)
+            out += [library.nulls_of(name) | given | values for values in alone]
+    return out
+
+
+def _tried_from_nothing(name, layer, comparison):
+    """Return the Trial of an effect whose parameters may be of either sign, all as they would fit best if it were linear."""
+    nulls, start = library.nulls_of(name), comparison.distance(np.zeros(len(SIGNS)))
+    keys = [k for k in _fitted(name) if not spec((name, k)).auxiliary]
+    steps = np.array([FIRST_STEP * spec((name, k)).matters for k in keys])
+    moved = [laid_on(name, nulls | {k: nulls[k] + h}, layer, comparison) for k, h in zip(keys, steps, strict=True)]
+    ways = np.stack([start - t.distance for t in moved], axis=1)
+    times = np.linalg.solve(ways.T @ ways + np.eye(len(keys)), ways.T @ start)
+    specs = [spec((name, k)) for k in keys]
+    values = [float(np.clip(s.null + n * h, s.lower, s.upper)) for s, n, h in zip(specs, times, steps, strict=True)]
+    return laid_on(name, nulls | dict(zip(keys, values, strict=True)), layer, comparison)
+
+
+def laid_on(name, parameters, layer, comparison):
+    """Return the Trial of an effect with parameters."""
+    distance = comparison.distance(layer.move([(name, parameters)]))
+    return Trial(name, layer.sign < 0, parameters, float(distance @ distance) + 2 * len(_fitted(name)), distance, {})
+
+
+def scaled(name, nulls, start, scale):
+    """Return an effect's parameters as far from the null as a start, times a scale, within their bounds."""
+    out = dict(start)
+    for key in start:
+        s = spec((name, key))
+        if not (s.auxiliary or s.is_choice):
+            out[key] = float(np.clip(nulls[key] + scale * (start[key] - nulls[key]), s.lower, s.upper))
+    return out
+
+
+def _fitted(name):
+    return [k for k in library.fitted_parameters(name) if not spec((name, k)).is_choice]
+
+
+def refined(trial, layer, comparison):
+    """Return a Trial with its effect's parameters fitted."""
+    name, keys = trial.effect, _fitted(trial.effect)
+    specs = [spec((name, k)) for k in keys]
+    lower, upper = (np.array([getattr(s, side) for s in specs]) for side in ("lower", "upper"))
+    unit = np.array([s.matters for s in specs])
+    start = np.clip([trial.parameters[k] for k in keys], lower + 1e-6 * unit, upper - 1e-6 * unit)
+
+    def left(values):
+        parameters = trial.parameters | dict(zip(keys, values * unit, strict=True))
+        pull = [(v * u - s.null) / (s.upper - s.lower) for v, u, s in zip(values, unit, specs, strict=True)]
+        return np.concatenate([comparison.distance(layer.move([(name, parameters)])), pull])
+
+    fit = least_squares(
+        left, start / unit, bounds=(lower / unit, upper / unit), x_scale=1.0, diff_step=0.02, max_nfev=STEPS
+    )
+    end = laid_on(name, trial.parameters | dict(zip(keys, (fit.x * unit).tolist(), strict=True)), layer, comparison)
+    errors = np.sqrt(np.diagonal(np.linalg.pinv(fit.jac.T @ fit.jac))) * unit
+    best = min((trial, end), key=lambda t: t.left)
+    return replace(best, errors=dict(zip(keys, errors.tolist(), strict=True)))
+
+
+def matters(trial):
+    """Return whether an effect does more than is worth naming."""
+    acting = {k: spec((trial.effect, k)) for k in library.parameters_of(trial.effect)}
+    return any(
+        abs(trial.parameters[k] - s.null) > s.matters for k, s in acting.items() if not (s.auxiliary or s.is_choice)
+    )
+
+
+def signature_changes(before, after, candidates, seed_name, threads=1):
+    """Return ([SignatureChange], p of what is left) from photographs (gap.signature.Photograph) of one set to another's.
+
+    Raises ValueError where a set has too few.
+    """
+    if min(len(before), len(after)) < MIN_CAPTURES:
+        raise ValueError(f"{len(before)} and {len(after)} photographs show patches; {MIN_CAPTURES} of each are needed")
+    with ThreadPoolExecutor(threads) as pool:
+        each = pool.map if threads > 1 else map
+        return _changes((before, after), candidates, seed_of("signatures", seed_name), each)
+
+
+def _changes(sets, candidates, seed, each):
+    found, laid, at_first = [], ([], []), None
+    in_colour = all(p.image.shape[2] > 1 for photographs in sets for p in photographs)
+    names = candidates_of(candidates or sorted(library.available_effects()), in_colour)
+    while True:
+        signatures = [
+            np.array(list(each(lambda p, on=on: signature_with(p, on), photographs)))
+            for photographs, on in zip(sets, laid, strict=True)
+        ]
+        comparison = compared(*signatures, seed)
+        start = comparison.distance(np.zeros(len(SIGNS)))
+        total = float(start @ start)
+        at_first = at_first or total
+        little = bool(found) and total - len(comparison.counted) < MIN_SHARE_OF_NEXT * at_first
+        if comparison.p > MAX_P or little or len(found) == MAX_CHANGES:
+            return found, 1.0 if little else comparison.p
+        change = _named(sets, laid, names, comparison, total, each)
+        if change is None:
+            return found, comparison.p
+        found.append(change)
+        laid[int(change.less)].extend(change.laid)
+        names = [n for n in names if n != change.effect]
+
+
+def _named(sets, laid, names, comparison, total, each):
+    """Return the SignatureChange that explains most, None where none explains enough."""
+    layers = {less: Layer(sets[less], laid[less], -1 if less else 1, each) for less in (False, True)}
+    trials = [tried(n, layers[less], comparison) for n in names for less in (False, True)]
+    best_of = {}
+    for trial in sorted((t for t in trials if t), key=lambda t: t.left):
+        best_of.setdefault(trial.effect, trial)
+    likely = sorted(best_of.values(), key=lambda t: t.left)[:MAX_REFINED]
+    likely = [t for t in likely if t.left <= FAR_BEHIND * likely[0].left]
+    ranked = sorted((refined(t, layers[t.less], comparison) for t in likely), key=lambda t: t.left)
+    best, k = ranked[0], len(comparison.counted)
+    explained = total - best.left
+    if explained < MIN_SHARE_EXPLAINED * (total - k) or not matters(best):
+        return None
+    alike = [t.effect for t in ranked[1:] if t.left < MAX_TIMES_LEFT * best.left]
+    return SignatureChange(
+        best.effect,
+        best.less,
+        best.parameters,
+        best.errors,
+        comparison.p,
+        float(np.sqrt(total / k)),
+        float(np.sqrt(best.left / k)),
+        explained,
+        (best.effect, *alike)[:MAX_GROUP] if alike else (),
+    )

@@ -1,0 +1,137 @@
+"""Two sets of photographs of a board by one camera, on files, compared in all that they show: where points lie, and how sharp,
+noisy, coloured and compressed they are.
+
+What has changed besides points is found first and laid on the other set, whose points are then found again: a blur moves points
+as well, and would pass for a lens.
+"""
+
+import json
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from case_files import load_measured, load_photographs, read_capture, save_points
+from gap.changes import Changes, changes
+from gap.photographs import expected_corners
+from gap.signature import Photograph
+from gap.signature_changes import signature_changes
+from inputs import tables
+from inputs.campaign import Board
+from job import seed_of
+from register.finders import board_finder, board_views
+from rig.patches import board_patches, inverted_patches
+
+MIN_PATCHES = 4  # of a photograph, that say something of it
+
+
+@dataclass(frozen=True)
+class PhotographSet:
+    """Where the photographs of a set are: folders campaign and expand, files register_json and observations."""
+
+    campaign: Path
+    expand: Path
+    register_json: Path
+    observations: Path
+
+    @property
+    def board(self):
+        """The inputs.campaign.Board that is photographed, None of a rig."""
+        target = json.loads((Path(self.expand) / "scene.json").read_text())["target"]
+        return Board.model_validate(target) if target else None
+
+    def measured(self, camera, observations=None):
+        """Return the problem of where points lie, from other ``observations`` than the set's own where given."""
+        return load_measured(self.expand, self.register_json, camera, observations or self.observations)
+
+    def photographs(self, camera, views):
+        """Return [gap.signature.Photograph], seen from {capture: view}; those that show no patches have no plates.
+
+        Of a board whose black and white are swapped, patches are the squares that are black.
+        """
+        table = tables.read_table(Path(self.expand) / "captures.csv", tables.CAPTURES).set_index("capture")
+        images = {name: pixels_of(read_capture(self.campaign, table.image[name])) for name in views}
+        with np.load(self.observations) as stored:
+            points, pixels = stored["points"], stored["pixels"]
+        patches = board_patches(self.board)
+        pairs = list(zip(images.values(), pixels, strict=True))
+        if np.median([shines(image, expected_corners(points, xy, patches)) for image, xy in pairs]) > 0:
+            patches = inverted_patches(self.board)
+        case, found = load_photographs(self.expand, self.register_json, camera, patches), []
+        for (name, image), xy in zip(images.items(), pixels, strict=True):
+            plates, features = case.patches_seen(image, expected_corners(points, xy, patches))
+            found.append(Photograph(image, views[name], case.codes, plates, features))
+        return found
+
+
+def pixels_of(image):
+    """Return an image (H, W, C) of grey levels in 8 bits, of one channel where all are the same."""
+    pixels = np.rint(image).astype(np.uint8)
+    return pixels if (pixels != pixels[..., :1]).any() else pixels[..., :1]
+
+
+def shines(image, corners):
+    """Return whether an image (H, W, C) is brighter where black is expected, corners (p, 4, 2), than beside it: 1, -1 or 0."""
+    corners = corners[np.isfinite(corners).all((1, 2))]
+    middles = corners.mean(1)
+    beside = middles + corners[:, 1] - corners[:, 0]
+    values = []
+    for xy in (middles, beside):
+        x, y = np.rint(xy.T).astype(int)
+        values.append(image[np.clip(y, 0, image.shape[0] - 1), np.clip(x, 0, image.shape[1] - 1)].mean(1, dtype=float))
+    return float(np.sign(np.median(values[0] - values[1]))) if len(middles) else 0.0
+
+
+@dataclass(frozen=True)
+class WhatChanged:
+    """Changes of where points lie, changes [gap.signature_changes.SignatureChange] of all else and p of what these leave.
+
+    ``why_points_alone`` says why nothing else was compared, None where it was.
+    """
+
+    points: Changes
+    signatures: tuple
+    p_left: float
+    why_points_alone: str | None
+
+
+def what_changed(sets, camera, effects=(), candidates=None, threads=1):
+    """Return the WhatChanged between two PhotographSets, the earlier first.
+
+    effects [(name, parameters)] that either has, to start from; candidates: names of effects that may have changed.
+    Raises ValueError where too few photographs show the board.
+    """
+    problems = [s.measured(camera) for s in sets]
+    if not problems[0].is_board:
+        return WhatChanged(changes(*problems, effects, candidates, threads), (), 1.0, None)
+    photographs = [
+        s.photographs(camera, {c.view.capture: c.view for c in problem.captures})
+        for s, problem in zip(sets, problems, strict=True)
+    ]
+    showing = [[p for p in of_set if len(p.plates) >= MIN_PATCHES] for of_set in photographs]
+    try:
+        found, p_left = signature_changes(*showing, candidates, camera, threads)
+    except ValueError as why:
+        return WhatChanged(changes(*problems, effects, candidates, threads), (), 1.0, str(why))
+    for less in (False, True):
+        laid = [effect for change in found if change.less == less for effect in change.laid]
+        if laid:
+            problems[less] = with_laid_on(sets[less], camera, photographs[less], laid)
+    return WhatChanged(changes(*problems, effects, candidates, threads), tuple(found), p_left, None)
+
+
+def with_laid_on(of_set, camera, photographs, effects):
+    """Return the problem of a PhotographSet's points, found again in its photographs with effects laid on."""
+    board, view = of_set.board, photographs[0].view
+    find, found = board_finder(board), {}
+    for photograph in photographs:
+        rng = np.random.default_rng(seed_of("laid on", photograph.view.capture))
+        image = np.ascontiguousarray(photograph.whole(effects, rng)[..., ::-1])
+        found[photograph.view.capture] = find(image if image.shape[2] > 1 else image[..., 0])
+    found = board_views(found, board, (view.width, view.height), (), str(of_set.campaign), [])
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "observations.npz"
+        with path.open("wb") as file:
+            save_points(file, [found[p.view.capture] for p in photographs])
+        return of_set.measured(camera, path)

@@ -1,0 +1,124 @@
+"""What photographs of a board show besides where points lie, laid on by code that shares nothing with the effects under test."""
+
+import numpy as np
+import pytest
+from drawn_board import board_case, photograph
+
+from effects import library
+from gap.signature import SIGNS, Photograph
+from gap.signature_changes import candidates_of, compared, scaled, signature_changes, starts_of
+from generator import nominal
+from generator.photographs import Retaken
+from rig.geometry import project
+
+BLUR = [("lens_blur", library.nulls_of("lens_blur") | {"sigma_px": 0.6})]
+NAMES = ["lens_blur", "sharpening", "sensor_noise", "exposure"]
+
+
+def taken(part, effects, numbers):
+    """Return the Photographs, taken again with the generator's effects laid on, of some captures."""
+    case = board_case(14)
+    camera, found = nominal.Camera("camera", 320, 240, 420.0), []
+    retaken = Retaken(camera, effects, part)
+    for k in numbers:
+        view = case.captures[k].view
+        image = retaken.photograph(photograph(case, k, BLUR).astype(np.uint8), view.capture)
+        corners = project(view.K, view.T_cam_world, case.corners)
+        plates, features = case.patches_seen(image, corners)
+        found.append(Photograph(image, view, case.codes, plates, features))
+    return found
+
+
+@pytest.fixture(scope="module")
+def before():
+    """Seven photographs with nothing laid on."""
+    return taken("before", {}, range(0, 14, 2))
+
+
+def after(effects):
+    """Return seven other photographs by the camera with the generator's effects laid on."""
+    return taken("after", effects, range(1, 14, 2))
+
+
+def test_nothing_is_named_where_nothing_has_changed(before):
+    """Fails if other photographs, each in its own light and pose, pass for another camera."""
+    found, p = signature_changes(before, after({}), NAMES, "c")
+    assert not found and p > 0.01
+
+
+@pytest.mark.parametrize(
+    ("name", "laid", "parameter", "value"),
+    [
+        ("lens_blur", {"sigma_px": 1.2}, "sigma_px", 1.2),
+        ("sharpening", {"amount": 1.0, "sigma_px": 1.0}, "amount", 1.0),
+        ("exposure", {"scale": 0.5}, "scale", 0.5),
+    ],
+)
+def test_what_was_laid_on_is_named_with_its_size(before, name, laid, parameter, value):
+    """Fails if a change gets another name, goes the wrong way, or its size is not the generator's."""
+    found, p = signature_changes(before, after({name: laid}), NAMES, "c")
+    assert [(c.effect, c.less) for c in found] == [(name, False)] and p > 0.01
+    off = found[0].parameters[parameter] - value
+    assert abs(off) < 0.1 * value + 3 * found[0].errors[parameter]
+    assert found[0].after < 0.6 * found[0].before
+
+
+def test_less_of_an_effect_is_a_change_too(before):
+    """Fails if only what is added counts: here a blur goes away."""
+    found, _ = signature_changes(after({"lens_blur": {"sigma_px": 1.2}}), before, NAMES, "c")
+    assert [(c.effect, c.less) for c in found] == [("lens_blur", True)]
+
+
+def test_what_laying_on_does_is_nothing_where_an_effect_does_nothing(before):
+    """Fails if windows are cut, encoded and decoded so that the photograph does not come back: all changes would have it."""
+    plain = before[0].signature()
+    again = before[0].signature([("lens_blur", library.nulls_of("lens_blur"))], np.random.default_rng(0))
+    np.testing.assert_allclose(again, plain, atol=1e-6)
+
+
+def test_a_whole_photograph_is_blurred_as_its_windows_are(before):
+    """Fails if points are found again in other photographs than those that gave an effect its name."""
+    shot, effects = before[0], [("lens_blur", library.nulls_of("lens_blur") | {"sigma_px": 1.0})]
+    rng = [np.random.default_rng(0) for _ in range(2)]
+    whole, windows = shot.whole(effects, rng[0]), shot.levels(effects, rng[1])
+    k = int(np.argmax([w[1].stop - w[1].start for w in map(shot.atlas.window, range(len(shot.plates)))]))
+    x0, y0, x1, y1 = shot.atlas.cores[k]
+    np.testing.assert_allclose(windows[shot.atlas.core(k)], whole[y0:y1, x0:x1], atol=1)
+
+
+def test_permuted_sets_tell_how_often_chance_differs_as_much():
+    """Fails if p is small for sets drawn alike, or not the smallest for one that differs in every sign."""
+    rng = np.random.default_rng(0)
+    sets = [rng.normal(size=(7, len(SIGNS))) for _ in range(2)]
+    assert compared(*sets, 0).p > 0.05
+    assert compared(sets[0], sets[1] + 8, 0).p < 0.01
+    assert [compared(*(rng.normal(size=(6, len(SIGNS))) for _ in range(2)), 0).p < 0.1 for _ in range(60)].count(
+        True
+    ) < 15
+
+
+def test_signs_that_are_rarely_shown_do_not_count():
+    """Fails if a sign that most photographs lack is filled in, and then differs."""
+    sets = [np.random.default_rng(k).normal(size=(6, len(SIGNS))) for k in (0, 1)]
+    sets[1][:4, 3] = np.nan
+    assert 3 not in compared(*sets, 0).counted and len(compared(*sets, 0).counted) == len(SIGNS) - 1
+
+
+def test_grey_photographs_are_asked_for_no_colours():
+    """Fails if what is invisible in grey is laid on, or the scene, which is in the light already."""
+    asked = candidates_of(sorted(library.available_effects()), in_colour=False)
+    assert "lens_blur" in asked and "sensor_noise" in asked
+    assert not {"colour_balance", "lateral_chromatic_aberration", "marker_scale", "radial_distortion"} & set(asked)
+
+
+def test_alternatives_that_a_start_mixes_are_tried_alone():
+    """Fails if of four mosaics only their mean is laid on, which is none."""
+    alone = [s for s in starts_of("bayer_demosaic") if max(s["rggb"], s["grbg"], s["gbrg"], s["bggr"]) == 1.0]
+    assert len(alone) == 4
+
+
+def test_a_start_is_scaled_from_nothing():
+    """Fails if half of an effect is half of its numbers where nothing is not 0, or auxiliary numbers are scaled as well."""
+    nulls = library.nulls_of("sharpening")
+    half = scaled("sharpening", nulls, nulls | {"amount": 0.8, "radius_px": 2.0}, 0.5)
+    assert half == {"amount": pytest.approx(0.4), "radius_px": 2.0}

@@ -1,0 +1,64 @@
+"""Real photographs on which the generator lays an effect: what has changed is named, by its files as the workflow has them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from find_changes import changes_record
+from photograph_changes import PhotographSet, pixels_of, shines, what_changed
+from trials.observe_trial import OBSERVATIONS, PHOTOGRAPHS, observe_trial
+from trials.real_trials import generate_real_trial
+
+RAW = Path(__file__).resolve().parents[2] / "data/raw"
+CAMERA = "aruco6x6_gridboard"
+NAMES = ["lens_blur", "sharpening", "radial_distortion", "focal_length", "principal_point"]
+
+
+@pytest.fixture(scope="module")
+def blurred(tmp_path_factory):
+    """Return the record of what has changed in photographs by a real camera, on half of which a blur is laid."""
+    folder = tmp_path_factory.mktemp("real")
+    name = generate_real_trial(folder / "campaigns", folder / "truths", RAW, 0, "blurred", effect="lens_blur")
+    observe_trial(folder / "campaigns" / name, folder / "kept")
+    parts = [folder / "kept" / part for part in ("baseline", "changed")]
+    register_json = parts[0] / "register.json"
+    sets = [PhotographSet(p / PHOTOGRAPHS, p / "expand", register_json, p / OBSERVATIONS) for p in parts]
+    alone = [{"campaign": p.name, "camera": CAMERA, "not_looked_at": dict.fromkeys(NAMES, "by points")} for p in parts]
+    return changes_record(what_changed(sets, CAMERA, candidates=NAMES), alone)
+
+
+def test_another_blur_is_named_and_no_lens(blurred):
+    """Fails if a blur, which moves corners as well, is taken for a lens, or is not told at all."""
+    assert [s["effect"] for s in blurred["steps"]] == ["lens_blur"] and blurred["verdict"] == "explained"
+    sigma = blurred["steps"][0]["parameters"]["sigma_px"]
+    assert sigma["from"] == 0 and 0.6 < sigma["to"] < 1.8 and sigma["se"] < 0.2
+
+
+def test_the_difference_goes_away_with_what_has_a_name(blurred):
+    """Fails if a name is given and the sets differ as much with it as without."""
+    (step,) = blurred["steps"]
+    assert step["gap_before"] > 3 and step["gap_after"] < 1.3
+    assert blurred["gap"] == pytest.approx(step["gap_after"]) and blurred["gap_as_configured"] == step["gap_before"]
+    assert set(blurred["groups"]) == {"corners", "signature"}
+
+
+def test_what_signatures_show_is_not_said_to_be_unseen(blurred):
+    """Fails if the record names as not looked at what has just been looked at."""
+    assert "lens_blur" not in blurred["not_looked_at"]
+
+
+def test_a_board_with_black_and_white_swapped_is_noticed():
+    """Fails if black squares are looked for where white ones are: no patch would then be measured."""
+    board = np.kron(np.indices((6, 6)).sum(0) % 2, np.ones((20, 20)))[..., None] * 200
+    black = np.array([[[x, y], [x + 20, y], [x + 20, y + 20], [x, y + 20]] for x, y in ((40, 40), (60, 60))]) - 0.5
+    assert shines(board, black) == -1
+    assert shines(200 - board, black) == 1
+    assert shines(board, np.full((2, 4, 2), np.nan)) == 0
+
+
+def test_grey_photographs_have_one_channel():
+    """Fails if a grey photograph that is stored in colour is asked for what only colours show."""
+    grey = np.repeat(np.arange(12.0).reshape(3, 4, 1), 3, axis=2)
+    assert pixels_of(grey).shape == (3, 4, 1)
+    assert pixels_of(grey + [0, 0, 1]).shape == (3, 4, 3)
