@@ -87,7 +87,7 @@ def example_figure(results, camera):
 
 def change_figure(results, diagnosis):
     """Return a figure: a photograph of the baseline and one of now, with arrows from where the earlier camera has what they
-    show; None without pictures.
+    show, or the same square of the board in both; None without pictures.
     """
     paths = [Path(results) / "diagnosis" / diagnosis["camera"] / f"change_{when}.png" for when in ("before", "after")]
     if not all(p.is_file() for p in paths):
@@ -99,7 +99,10 @@ def change_figure(results, diagnosis):
         axis.imshow(plt.imread(path))
         axis.set_title(title, fontsize=9.5)
         axis.axis("off")
-    fig.suptitle(f"Off where the earlier camera shows it, {shown['times']:g} times as long", fontsize=11)
+    if shown.get("square"):
+        fig.suptitle("A square of the board then and now; beside it, with what has changed laid on", fontsize=11)
+    else:
+        fig.suptitle(f"Off where the earlier camera shows it, {shown['times']:g} times as long", fontsize=11)
     return fig
 
 

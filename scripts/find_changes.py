@@ -15,16 +15,14 @@ import cv2
 import numpy as np
 
 import job
-from case_files import read_capture
+from change_pictures import arrows_on, squares_of
 from effects import library
 from gap.changes import MAX_P
 from gap.score import floors_of, gap_error, group_gaps, overall_gap
 from gap.signature_changes import candidates_of
-from inputs import tables
 from photograph_changes import PhotographSet, what_changed
 from rig.errors import InputError
 
-ARROW = 0.05  # of the picture's width, its longest arrows
 log = logging.getLogger("twingap")
 
 
@@ -45,7 +43,10 @@ def find_changes(before, after, campaigns, camera, candidates, threads, out, out
         found = what_changed(sets, camera, effects_of(*alone), candidates, threads)
     except ValueError as why:
         raise InputError(f"{campaigns[1]} against {campaigns[0]}, camera {camera}: {why}") from None
-    pictures, shown = arrows_on(found.points, before, after, campaigns)
+    if signatures_first(found):
+        pictures, shown = squares_of(found)
+    else:
+        pictures, shown = arrows_on(found.points, before, after, campaigns)
     record = changes_record(found, alone) | {"shown": shown}
     for path, picture in zip(out_pictures, pictures, strict=True):
         with job.write_atomically(path, "wb") as file:
@@ -112,8 +113,12 @@ def changes_record(what, alone):
 
 
 def verdict_of(what):
-    """Return the verdict on a WhatChanged."""
-    if what.points.verdict == "unexplained" or what.p_left <= MAX_P:
+    """Return the verdict on a WhatChanged.
+
+    Where points have moved, signatures that differ without a name leave nothing open: a lens stretches what it shows.
+    """
+    signatures_open = what.p_left <= MAX_P and not what.points.changes
+    if what.points.verdict == "unexplained" or signatures_open:
         return "unexplained"
     return "explained" if what.signatures or what.points.changes else "adequate"
 
@@ -169,42 +174,6 @@ def not_compared(what, reasons):
     if what.why_points_alone:
         return {name: what.why_points_alone for name in reasons}
     return {name: why for name, why in reasons.items() if name not in candidates_of(reasons, in_colour=True)}
-
-
-def arrows_on(found, before, after, campaigns):
-    """Return ([picture (H, W, 3) of each campaign], {before, after: capture, times: factor}) of Changes.
-
-    Shown are the later photograph that the earlier camera's twin is farthest off, and the earlier one that is most like it.
-    """
-    off = {k: {i: found.residuals_of_points(i) for i in found.captures_of(k)} for k in (0, 1)}
-    later = max(off[1], key=lambda i: np.median(np.linalg.norm(off[1][i][1], axis=1)))
-    middle = off[1][later][0].mean(0)
-    earlier = min(off[0], key=lambda i: np.linalg.norm(off[0][i][0].mean(0) - middle))
-    longest = np.quantile(np.linalg.norm(off[1][later][1], axis=1), 0.9)
-    width = found.problem.captures[later].view.width
-    times = float(max(1, round(ARROW * width / max(longest, 1e-3), -1)))
-    pictures, shown = [], {"times": times}
-    for name, k, i, paths in (("before", 0, earlier, before), ("after", 1, later, after)):
-        shown[name] = found.problem.captures[i].view.capture.split("/", 1)[1]
-        table = tables.read_table(Path(paths[0]).parent / "captures.csv", tables.CAPTURES).set_index("capture")
-        image = read_capture(campaigns[k], table.loc[shown[name], "image"])
-        pictures.append(with_arrows(image, *off[k][i], times))
-    return pictures, shown
-
-
-def with_arrows(image, seen, off, times):
-    """Return a picture (H, W, 3), blue first, of an image (H, W, C), red first, with arrows that end at points (p, 2) seen.
-
-    They begin where the points were expected, ``off`` (p, 2) longer by a factor.
-    """
-    picture = np.ascontiguousarray(
-        np.repeat(image, 3 // image.shape[2], axis=2)[..., ::-1].clip(0, 255).astype(np.uint8)
-    )
-    thick = max(1, picture.shape[1] // 640)
-    for end, move in zip(seen, off, strict=True):
-        points = [tuple(int(v) for v in np.rint(p)) for p in (end - times * move, end)]
-        cv2.arrowedLine(picture, *points, (40, 40, 235), thick, cv2.LINE_AA, tipLength=0.25)
-    return picture
 
 
 def parameters_of(effect, twin):

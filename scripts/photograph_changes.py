@@ -1,8 +1,8 @@
 """Two sets of photographs of a board by one camera, on files, compared in all that they show: where points lie, and how sharp,
 noisy, coloured and compressed they are.
 
-What has changed besides points is found first and laid on the other set, whose points are then found again: a blur moves points
-as well, and would pass for a lens.
+What has changed besides points is laid on the other set, whose points are then found again: a blur moves points as well, and
+would pass for a lens. What points show is laid on as well: another lens smooths noise, and would pass for a quieter sensor.
 """
 
 import json
@@ -16,10 +16,9 @@ from case_files import load_measured, load_photographs, read_capture, save_point
 from gap.changes import Changes, changes
 from gap.photographs import expected_corners
 from gap.signature import Photograph
-from gap.signature_changes import signature_changes
+from gap.signature_changes import laid_on_numbers, signature_changes
 from inputs import tables
 from inputs.campaign import Board
-from job import seed_of
 from register.finders import board_finder, board_views
 from rig.patches import board_patches, inverted_patches
 
@@ -87,13 +86,15 @@ def shines(image, corners):
 class WhatChanged:
     """Changes of where points lie, changes [gap.signature_changes.SignatureChange] of all else and p of what these leave.
 
-    ``why_points_alone`` says why nothing else was compared, None where it was.
+    photographs are those of each set [gap.signature.Photograph] that were compared; ``why_points_alone`` says why nothing but
+    points was, None where more was.
     """
 
     points: Changes
     signatures: tuple
-    p_left: float
-    why_points_alone: str | None
+    p_left: float = 1.0
+    photographs: tuple = ((), ())
+    why_points_alone: str | None = None
 
 
 def what_changed(sets, camera, effects=(), candidates=None, threads=1):
@@ -104,21 +105,42 @@ def what_changed(sets, camera, effects=(), candidates=None, threads=1):
     """
     problems = [s.measured(camera) for s in sets]
     if not problems[0].is_board:
-        return WhatChanged(changes(*problems, effects, candidates, threads), (), 1.0, None)
+        return WhatChanged(changes(*problems, effects, candidates, threads), ())
     photographs = [
         s.photographs(camera, {c.view.capture: c.view for c in problem.captures})
         for s, problem in zip(sets, problems, strict=True)
     ]
-    showing = [[p for p in of_set if len(p.plates) >= MIN_PATCHES] for of_set in photographs]
+    showing = tuple([p for p in of_set if len(p.plates) >= MIN_PATCHES] for of_set in photographs)
+    points = changes(*problems, effects, candidates, threads)
     try:
         found, p_left = signature_changes(*showing, candidates, camera, threads)
     except ValueError as why:
-        return WhatChanged(changes(*problems, effects, candidates, threads), (), 1.0, str(why))
-    for less in (False, True):
-        laid = [effect for change in found if change.less == less for effect in change.laid]
-        if laid:
-            problems[less] = with_laid_on(sets[less], camera, photographs[less], laid)
-    return WhatChanged(changes(*problems, effects, candidates, threads), tuple(found), p_left, None)
+        return WhatChanged(points, (), why_points_alone=str(why))
+    if found:
+        again = list(problems)
+        for less in (False, True):
+            if laid := [effect for change in found if change.less == less for effect in change.laid]:
+                again[less] = with_laid_on(sets[less], camera, photographs[less], laid)
+        laid_on = changes(*again, effects, candidates, threads)
+        if points.changes and laid_on.changes and not with_other_lens(showing, points, candidates, camera, threads):
+            found, p_left = [], 1.0
+        elif points.changes or not laid_on.changes:
+            points = laid_on
+    return WhatChanged(points, tuple(found), p_left, showing)
+
+
+def with_other_lens(photographs, points, candidates, camera, threads):
+    """Return what signatures [SignatureChange] of two sets of photographs show where the earlier ones have the later ones' lens.
+
+    A lens that moves the picture over pixels and a codec's blocks leaves its own traces in noise. ``points`` are the Changes of
+    where points lie.
+    """
+    earlier = [p.seen_by(*map(list, points.last.effects)) for p in photographs[0]]
+    earlier = [p for p in earlier if len(p.plates) >= MIN_PATCHES]
+    try:
+        return signature_changes(earlier, photographs[1], candidates, camera, threads)[0]
+    except ValueError:
+        return []
 
 
 def with_laid_on(of_set, camera, photographs, effects):
@@ -126,8 +148,7 @@ def with_laid_on(of_set, camera, photographs, effects):
     board, view = of_set.board, photographs[0].view
     find, found = board_finder(board), {}
     for photograph in photographs:
-        rng = np.random.default_rng(seed_of("laid on", photograph.view.capture))
-        image = np.ascontiguousarray(photograph.whole(effects, rng)[..., ::-1])
+        image = np.ascontiguousarray(photograph.whole(effects, laid_on_numbers(photograph))[..., ::-1])
         found[photograph.view.capture] = find(image if image.shape[2] > 1 else image[..., 0])
     found = board_views(found, board, (view.width, view.height), (), str(of_set.campaign), [])
     with tempfile.TemporaryDirectory() as folder:

@@ -12,19 +12,21 @@ import numpy as np
 from scipy.fft import dctn
 
 from effects import pipeline
-from effects.encoding import srgb_decode
+from effects.encoding import encode, srgb_decode
 from gap.measure.capture import (
     BLACK,
+    FINE,
     WHITE,
     colour_of,
     colour_responses_of,
     grey_of,
     measure_one,
+    measure_plates,
     plate_cores,
     states_of,
     window_classes,
 )
-from gap.measure.plate import FEATURES
+from gap.measure.plate import FEATURES, N_STATE
 from gap.measure.regions import BLACK as BLACK_PIXELS
 from gap.measure.regions import WHITE as WHITE_PIXELS
 from gap.measure.regions import _structure
@@ -107,6 +109,23 @@ class Photograph:
         linear[self.atlas.windows.frame] = self._small
         formed = pipeline.photometric(linear, view, list(effects), rng)[: self.atlas.shape[0]]
         return np.clip(np.rint(formed), 0, 255)
+
+    def seen_by(self, before, after):
+        """Return the photograph as it would be if its lens, effects ``before`` that move points, had been ``after``."""
+        view = replace(self.view, margin=0, windows=None)
+        ideal = np.stack(pipeline.source_map(view, after, 1), axis=-1).reshape(-1, 2)
+        x, y = np.nan_to_num(pipeline.map_points(ideal, view, before), nan=-1.0).astype(np.float32).T
+        there = (np.ascontiguousarray(v.reshape(self.image.shape[:2])) for v in (x, y))
+        light = cv2.remap(LINEAR[self.image], *there, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+        image = pipeline.to_uint8(encode(light.reshape(self.image.shape), "srgb"))
+        features = self.features.copy()
+        corners = pipeline.inverse_points(features[:, :8].reshape(-1, 2), view, before)
+        features[:, :8] = pipeline.map_points(corners, view, after).reshape(-1, 8)
+        wanted, states = np.isfinite(features[:, :8]).all(1), np.zeros((len(self.codes.half_code), N_STATE))
+        states[self.plates[wanted]] = states_of(features[wanted])
+        tried = np.isin(np.arange(len(states)), self.plates[wanted])
+        found, _, measured, _ = measure_plates(grey_of(image), states, tried, self.codes, FINE)
+        return replace(self, image=image, plates=np.flatnonzero(measured), features=found[measured])
 
     def whole(self, effects, rng):
         """Return the photograph (H, W, C), 8 bits, red first, with effects laid on all of it."""

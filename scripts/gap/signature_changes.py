@@ -139,8 +139,13 @@ class Layer:
 
 
 def signature_with(photograph, effects):
-    """Return the signature of a photograph with effects laid on, random numbers drawn by the capture's name."""
-    return photograph.signature(effects, np.random.default_rng(seed_of("laid on", photograph.view.capture)))
+    """Return the signature of a photograph with effects laid on."""
+    return photograph.signature(effects, laid_on_numbers(photograph))
+
+
+def laid_on_numbers(photograph):
+    """Return the random numbers of effects that are laid on a photograph, by its capture's name."""
+    return np.random.default_rng(seed_of("laid on", photograph.view.capture))
 
 
 def _spread(items, most):

@@ -89,7 +89,7 @@ def generate_real_trial(out, truths, folder, index, seed, effect=None, strength=
     name, trial_seed, strength = identity("real", index, seed, effect, strength)
     source = dealt(sources_in(folder)[0], index, seed, "sources")
     camera = nominal.Camera(source.camera, *source.size, float(max(source.size)))
-    images = {row["capture"]: _red_first(source.folder / row["image"]) for row in source.captures}
+    images = {row["capture"]: red_first(source.folder / row["image"]) for row in source.captures}
     in_colour = any(map(is_in_colour, images.values()))
     laid = laid_effect(index, seed, effect, in_colour)
     if laid and (why := why_not_laid(laid, in_colour)):
@@ -112,7 +112,7 @@ def generate_real_trial(out, truths, folder, index, seed, effect=None, strength=
     return name
 
 
-def _red_first(path):
+def red_first(path):
     """Return an image (H, W, 3) of 8 bits, red first."""
     image = read_image(path)
     image = (image // 257).astype("uint8") if image.dtype == "uint16" else image

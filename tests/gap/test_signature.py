@@ -5,6 +5,7 @@ import pytest
 from drawn_board import board_case, photograph
 
 from effects import library
+from effects.pipeline import map_points
 from gap.signature import SIGNS, Photograph
 from gap.signature_changes import candidates_of, compared, scaled, signature_changes, starts_of
 from generator import nominal
@@ -122,3 +123,17 @@ def test_a_start_is_scaled_from_nothing():
     nulls = library.nulls_of("sharpening")
     half = scaled("sharpening", nulls, nulls | {"amount": 0.8, "radius_px": 2.0}, 0.5)
     assert half == {"amount": pytest.approx(0.4), "radius_px": 2.0}
+
+
+def test_a_photograph_through_another_lens_shows_its_patches_there(before):
+    """Fails if the picture goes one way and the patches' places the other, or the same lens changes the picture."""
+    shot = before[0]
+    bent = [("radial_distortion", library.nulls_of("radial_distortion") | {"k1": -0.15})]
+    seen = shot.seen_by([], bent)
+    kept = [shot.plates.tolist().index(k) for k in seen.plates]
+    moved = np.abs(seen.features[:, :8] - shot.features[kept, :8]).max()
+    view = shot.view
+    expected = map_points(shot.features[kept, :8].reshape(-1, 2), view, bent).reshape(-1, 8)
+    assert len(kept) >= 10 and moved > 1.0
+    assert np.median(np.abs(seen.features[:, :8] - expected)) < 0.06  # a square that is bent is fitted by a straight one
+    assert np.array_equal(shot.seen_by(bent, bent).image[20:-20, 20:-20], shot.image[20:-20, 20:-20])
