@@ -64,6 +64,7 @@ picture: results
 		-- results/aruco6x6_gridboard/tables/table1.csv
 	PYTHONPATH=scripts $(BIN)/python notebooks/photograph_picture.py results/aruco6x6_gridboard \
 		data/raw/aruco6x6_gridboard aruco6x6_gridboard docs/photographs.png
+	PYTHONPATH=scripts:tests/bench $(BIN)/python notebooks/change_picture.py data/raw aruco6x6_gridboard docs/what-changed.png
 
 paper: environment
 	$(BIN)/snakemake --cores $(CORES) all twin_study --config experiment=config/experiments/paper.yaml
