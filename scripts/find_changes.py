@@ -161,7 +161,8 @@ def signature_step(change):
         null, error = library.parameters_of(change.effect)[key].null, change.errors.get(key)
         there, here = (value, null) if change.less else (null, value)
         parameters[key] = {"from": there, "to": here, "se": error, "value": here}
-    return _step(change.effect, change.one_of, change.p) | {"parameters": parameters, "gap_after_se": None}
+    step = _step(change.effect, change.one_of, change.p)
+    return step | {"parameters": parameters, "gap_after_se": None, "like_light": change.like_light}
 
 
 def _step(effect, one_of, p):

@@ -38,6 +38,7 @@ SIGNS = (
     *EDGES, "overshoot_outwards", *NOISE, "blocks", "flat_blocks",
     "light", "black", "light_outwards", "red", "blue", "red_outwards", "blue_outwards",
 )  # fmt: skip
+OF_LIGHT = ("light", "black", "light_outwards", "red", "blue")  # what another lamp would change as well
 BLOCK = 8  # pixels, of the codec of most cameras (ITU-T T.81)
 LINEAR = srgb_decode(np.arange(256) / 255).astype(np.float32)  # light of grey levels
 REACH_PX = 24  # about a patch: what effects see

@@ -14,7 +14,7 @@ from effects import library
 from gap.changes import MAX_GROUP, MAX_P, MIN_CAPTURES
 from gap.parameters import spec
 from gap.permutation import labellings
-from gap.signature import SIGNS
+from gap.signature import OF_LIGHT, SIGNS
 from job import seed_of
 
 MIN_SHOWING = 0.8  # of the photographs, that show a sign which counts
@@ -28,6 +28,7 @@ MIN_SHARE_OF_NEXT = (
     0.2  # of what had changed at first, left for another: a form not quite the camera's leaves a residue
 )
 MAX_CHANGES = 3
+LIT = [SIGNS.index(name) for name in OF_LIGHT]
 MAX_TIMES_LEFT = 2.0  # times what the best leaves, up to which another effect explains alike
 
 
@@ -37,7 +38,8 @@ class SignatureChange:
 
     parameters {name: value} and errors {name: standard error} of the effect as it was laid on; p of the permutations
     before, after  root mean square differences of the sets' signatures in standard errors
-    explained  by what the sum of their squares falls; one_of what cannot be told from it
+    explained  by what the sum of their squares falls; one_of what cannot be told from it; like_light: another lamp would do
+    as well
     """
 
     effect: str
@@ -49,6 +51,7 @@ class SignatureChange:
     after: float
     explained: float
     one_of: tuple
+    like_light: bool
 
     @property
     def laid(self):
@@ -71,6 +74,11 @@ class Compared:
     def distance(self, moved):
         """Return the whitened differences (k,) that a move (len(SIGNS),) of the earlier signatures leaves."""
         return self.whitener @ (self.t - np.nan_to_num(moved[self.counted]) / self.error)
+
+    def is_of_light(self, moved):
+        """Return whether a move (len(SIGNS),) is most of all one of signs that another lamp moves as well."""
+        squares = (np.nan_to_num(moved[self.counted]) / self.error) ** 2
+        return bool(squares[np.isin(self.counted, LIT)].sum() > squares.sum() / 2)
 
 
 def compared(before, after, seed):
@@ -301,7 +309,9 @@ def _named(sets, laid, names, comparison, total, each):
     best_of = {}
     for trial in sorted((t for t in trials if t), key=lambda t: t.left):
         best_of.setdefault(trial.effect, trial)
-    likely = sorted(best_of.values(), key=lambda t: t.left)[:MAX_REFINED]
+    if not best_of:
+        return None
+    likely = list(best_of.values())[:MAX_REFINED]
     likely = [t for t in likely if t.left <= FAR_BEHIND * likely[0].left]
     ranked = sorted((refined(t, layers[t.less], comparison) for t in likely), key=lambda t: t.left)
     best, k = ranked[0], len(comparison.counted)
@@ -319,4 +329,5 @@ def _named(sets, laid, names, comparison, total, each):
         float(np.sqrt(best.left / k)),
         explained,
         (best.effect, *alike)[:MAX_GROUP] if alike else (),
+        comparison.is_of_light(layers[best.less].move([(best.effect, best.parameters)])),
     )

@@ -131,6 +131,7 @@ def changes_words(diagnosis):
 def change_words(step):
     """Return a change in words, such as ``focal length has changed: ratio from 1.001 to 1.020 ± 0.002``."""
     name = plain(step["effect"]) + or_others(step)
+    name += " (or the light is another)" if step.get("like_light") else ""
     parameters = step["parameters"]
     if len(parameters) > MOST_TOLD:
         return f"{name} has changed ({len(parameters)} parameters)"

@@ -62,6 +62,13 @@ def test_what_was_laid_on_is_named_with_its_size(before, name, laid, parameter, 
     off = found[0].parameters[parameter] - value
     assert abs(off) < 0.1 * value + 3 * found[0].errors[parameter]
     assert found[0].after < 0.6 * found[0].before
+    assert found[0].like_light == (name == "exposure")
+
+
+def test_no_candidate_is_no_name(before):
+    """Fails if a campaign whose candidates are all of geometry ends in an error."""
+    found, p = signature_changes(before, after({"lens_blur": {"sigma_px": 1.2}}), ["radial_distortion"], "c")
+    assert not found and p <= 0.01
 
 
 def test_less_of_an_effect_is_a_change_too(before):
@@ -135,5 +142,7 @@ def test_a_photograph_through_another_lens_shows_its_patches_there(before):
     view = shot.view
     expected = map_points(shot.features[kept, :8].reshape(-1, 2), view, bent).reshape(-1, 8)
     assert len(kept) >= 10 and moved > 1.0
-    assert np.median(np.abs(seen.features[:, :8] - expected)) < 0.06  # a square that is bent is fitted by a straight one
+    assert (
+        np.median(np.abs(seen.features[:, :8] - expected)) < 0.06
+    )  # a square that is bent is fitted by a straight one
     assert np.array_equal(shot.seen_by(bent, bent).image[20:-20, 20:-20], shot.image[20:-20, 20:-20])

@@ -24,3 +24,9 @@ def test_nothing_changed_is_said_with_how_many_captures_tell_it():
     said = verdict_words(DIAGNOSIS | {"verdict": "adequate", "steps": []})
     assert said == "Nothing that has a name has changed since june, as far as 7 captures then and 6 now tell."
     assert "no known effect explains" in verdict_words(DIAGNOSIS | {"verdict": "unexplained", "steps": []})
+
+
+def test_what_another_lamp_would_do_as_well_is_said():
+    """Fails if a photographer who moved a lamp reads that the camera has changed, and nothing else."""
+    said = verdict_words(DIAGNOSIS | {"steps": [STEP | {"effect": "exposure", "like_light": True}]})
+    assert "exposure (or the light is another) has changed" in said
