@@ -269,8 +269,8 @@ def try_promising(search, twin, names, most, beside=(), known=None):
     names, known = [n for n in names if n not in twin.names], known or {}
     least = MIN_SHARE_OF_BEST * max((known.get(n, 0.0) for n in names), default=0.0)
     gains = {n: search.predicted_gain(twin, n) for n in names if known.get(n, np.inf) >= least}
-    tried = _fitted_ones(search, twin, gains, most, beside, {})
-    if not any(is_missing(c, twin.excess) for c in tried.values()):
+    tried, share = _fitted_ones(search, twin, gains, most, beside, {}), least_share(search.problem, twin)
+    if not any(is_missing(c, twin.excess, share) for c in tried.values()):
         gains |= {n: search.predicted_gain(twin, n) for n in names if n not in gains}
         tried = _fitted_ones(search, twin, gains, most, beside, tried)
     candidates = rank(tried.get(n) or search.null_candidate(twin, n) for n in names)
@@ -283,11 +283,12 @@ def _fitted_ones(search, twin, by_group, most, beside, tried):
     They are fitted in the order of their predicted gains, none that promises far less than it would have to gain. Once one is
     worth its name, only its rivals are of interest: what else is missing is seen better beside it.
     """
-    tried, gains = dict(tried), {n: sum(g.values()) for n, g in by_group.items() if can_be_missing(n, g, twin.excess)}
+    tried, share = dict(tried), least_share(search.problem, twin)
+    gains = {n: sum(g.values()) for n, g in by_group.items() if can_be_missing(n, g, twin.excess)}
     promising = sorted(gains, key=lambda n: (-gains[n], n))[:most]
     alone = twin.names and not any(gains[n] >= RIVALS * gains[promising[0]] for n in promising[1:])
     for name in promising:
-        lead = next((c for c in rank(tried.values()) if is_missing(c, twin.excess)), None)
+        lead = next((c for c in rank(tried.values()) if is_missing(c, twin.excess, share)), None)
         least = RIVALS if lead and search.problem.draws else MIN_SHARE_OF_BEST
         if name in tried or gains[name] < least * gains[promising[0]]:
             continue
@@ -307,7 +308,8 @@ def try_beside_others(search, twin, names, known):
     candidates, gains = try_promising(search, twin, names, MAX_TRIED_AGAIN, known=known)
     free = search.free(twin.effects)
     tried = [c.effect for c in candidates if c.fitted and not c.complete]
-    if not tried or is_missing(candidates[0], twin.excess) or len(free) > MAX_PARAMETERS:
+    share = least_share(search.problem, twin)
+    if not tried or is_missing(candidates[0], twin.excess, share) or len(free) > MAX_PARAMETERS:
         return candidates, gains
     others = [c for c in candidates if c.effect not in tried]
     return rank([*others, *(search.try_effect(twin, n, free) for n in tried)]), gains
@@ -316,7 +318,9 @@ def try_beside_others(search, twin, names, known):
 def can_be_missing(name, predicted, excess):
     """Return whether an effect's predicted gain {group: gain} is MAX_UNDERSTATED times too small to be enough, or more."""
     amply = {group: MAX_UNDERSTATED * gain for group, gain in predicted.items()}
-    return sum(predicted.values()) >= MIN_GAIN and is_enough(amply, sum(amply.values()), least_gain(name), excess)
+    return sum(predicted.values()) >= MIN_GAIN and is_enough(
+        amply, sum(amply.values()), least_gain(name), excess, MIN_SHARE
+    )
 
 
 def least_share(problem, twin):
@@ -325,7 +329,7 @@ def least_share(problem, twin):
     return HARDLY_CLOSED if may_be_floor else MIN_SHARE
 
 
-def is_missing(candidate, excess, share=MIN_SHARE):
+def is_missing(candidate, excess, share):
     """Return whether a candidate's held-out gain is more than chance, on most stations, matters, and closes enough."""
     least = least_gain(candidate.effect)
     return bool(
@@ -341,7 +345,7 @@ def least_gain(name):
     return MIN_GAIN + 2 * len(library.parameters_of(name))
 
 
-def is_enough(by_group, gain, least, excess, share=MIN_SHARE):
+def is_enough(by_group, gain, least, excess, share):
     """Return whether a gain, ``by_group`` of observables, is a ``share`` of all that is left (``excess``) or most of a group's.
 
     The latter only if it is ``least`` or more.

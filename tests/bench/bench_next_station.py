@@ -21,7 +21,7 @@ from tqdm import tqdm
 
 from gap.next_station import HEIGHTS_M, TILTS_DEG, suggested_station
 from gap.search import Search, rank
-from gap.select_effects import confused_with, is_missing
+from gap.select_effects import MIN_SHARE, confused_with, is_missing
 from generator import draw_effect, generate_campaign, nominal
 from record import record
 from trials.observe_trial import observe_camera, observed_cases
@@ -72,7 +72,7 @@ class Rivals:
     def are_told_apart(self):
         """Whether the first step is the hidden effect, its rival not confused with it."""
         best = self.candidates[0]
-        if best.effect != self.pair[0] or not is_missing(best, self.base.excess):
+        if best.effect != self.pair[0] or not is_missing(best, self.base.excess, MIN_SHARE):
             return False
         return self.pair[1] not in confused_with(self.case, best, self.candidates)
 

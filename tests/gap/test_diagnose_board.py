@@ -41,3 +41,11 @@ def test_a_lens_without_distortion_is_not_blamed(tmp_path):
     verdict, _, _ = verdict_on(shared("real/chess_studio_control"), tmp_path)
     assert verdict["verdict"] == "adequate"
     assert verdict["steps"] == []
+
+
+def test_what_promised_little_beside_a_strong_lens_is_asked_again(tmp_path):
+    """Fails if an effect that a strong lens hides at first is asked no more while another, not worth its name, gains a little."""
+    candidates = ["radial_distortion", "principal_point", "tangential_distortion", "board_bend", "pixel_aspect"]
+    verdict, _, _ = verdict_on(shared("real/chess_gopro_wide"), tmp_path, candidates)
+    assert [step["effect"] for step in verdict["steps"]] == ["radial_distortion", "principal_point"]
+    assert verdict["gap"] < 1.2
