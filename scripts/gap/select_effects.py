@@ -283,8 +283,8 @@ def _fitted_ones(search, twin, by_group, most, beside, tried):
     They are fitted in the order of their predicted gains, none that promises far less than it would have to gain. Once one is
     worth its name, only its rivals are of interest: what else is missing is seen better beside it.
     """
-    tried, share = dict(tried), least_share(search.problem, twin)
     gains = {n: sum(g.values()) for n, g in by_group.items() if can_be_missing(n, g, twin.excess)}
+    tried, share = dict(tried), least_share(search.problem, twin)
     promising = sorted(gains, key=lambda n: (-gains[n], n))[:most]
     alone = twin.names and not any(gains[n] >= RIVALS * gains[promising[0]] for n in promising[1:])
     for name in promising:
@@ -306,10 +306,9 @@ def try_beside_others(search, twin, names, known):
     again, the twin refitted with them.
     """
     candidates, gains = try_promising(search, twin, names, MAX_TRIED_AGAIN, known=known)
-    free = search.free(twin.effects)
-    tried = [c.effect for c in candidates if c.fitted and not c.complete]
-    share = least_share(search.problem, twin)
-    if not tried or is_missing(candidates[0], twin.excess, share) or len(free) > MAX_PARAMETERS:
+    free, tried = search.free(twin.effects), [c.effect for c in candidates if c.fitted and not c.complete]
+    found = candidates and is_missing(candidates[0], twin.excess, least_share(search.problem, twin))
+    if not tried or found or len(free) > MAX_PARAMETERS:
         return candidates, gains
     others = [c for c in candidates if c.effect not in tried]
     return rank([*others, *(search.try_effect(twin, n, free) for n in tried)]), gains

@@ -33,7 +33,16 @@ COMMAND = "python tests/bench/bench_photographs.py"
 QUALITIES = (30, 50, 70, 85)
 PHOTOGRAPHS = 3  # of each set
 ENLARGED, NUMBER = "chess_studio_control", 15
-MEGAPIXELS = {1: "1 megapixel", 12: "12 megapixels"}
+TIMES = {  # figures of so many megapixels: time and memory
+    1: (
+        "15 photographs of a board, 1 megapixel: diagnosis",
+        "15 photographs of a board, 1 megapixel: largest memory of a job",
+    ),
+    12: (
+        "15 photographs of a board, 12 megapixels: diagnosis",
+        "15 photographs of a board, 12 megapixels: largest memory of a job",
+    ),
+}
 
 
 def jpeg():
@@ -88,7 +97,7 @@ def enlarged(folder, megapixels):
 
 def run_time():
     """Print and record how long the diagnosis of NUMBER photographs takes, and its largest memory."""
-    for megapixels, size in MEGAPIXELS.items():
+    for megapixels, (of_time, of_memory) in TIMES.items():
         results = ROOT / f"results/enlarged_{megapixels}"
         shutil.rmtree(results, ignore_errors=True)
         with tempfile.TemporaryDirectory() as folder:
@@ -99,15 +108,9 @@ def run_time():
             minutes = (time.perf_counter() - start) / 60
         logs = [pd.read_csv(p, sep="\t") for p in results.glob("benchmarks/**/*.tsv")]
         gib = max(log.max_rss.max() for log in logs) / 1024
-        print(f"{size}: {minutes:.1f} min, {gib:.2f} GiB")
+        print(f"{megapixels} megapixels: {minutes:.1f} min, {gib:.2f} GiB")
         shutil.rmtree(results, ignore_errors=True)
-        record(
-            [
-                (f"{NUMBER} photographs of a board, {size}: diagnosis", f"{minutes:.1f}", "min"),
-                (f"{NUMBER} photographs of a board, {size}: largest memory of a job", f"{gib:.2f}", "GiB"),
-            ],
-            f"{COMMAND} time",
-        )
+        record([(of_time, f"{minutes:.1f}", "min"), (of_memory, f"{gib:.2f}", "GiB")], f"{COMMAND} time")
 
 
 BENCHES = {"jpeg": jpeg, "time": run_time}
