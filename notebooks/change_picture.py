@@ -8,13 +8,14 @@ import sys
 import tempfile
 from pathlib import Path
 
-import cv2
 import matplotlib.pyplot as plt
 from front_picture import save
+from photograph_picture import side_by_side
 
 from change_pictures import squares_of
-from photograph_changes import PhotographSet, what_changed
-from trials.observe_trial import OBSERVATIONS, PHOTOGRAPHS, observe_trial
+from photograph_changes import what_changed
+from trials.diagnose_trial import photograph_sets
+from trials.observe_trial import observe_trial
 from trials.real_trials import generate_real_trial
 
 LAID = "lens_blur"
@@ -27,17 +28,11 @@ def draw(campaigns, camera):
         name = generate_real_trial(Path(folder) / "c", Path(folder) / "t", campaigns, 0, "picture", effect=LAID)
         kept = Path(folder) / "kept"
         observe_trial(Path(folder) / "c" / name, kept)
-        parts = [kept / part for part in ("baseline", "changed")]
-        register_json = parts[0] / "register.json"
-        sets = [PhotographSet(p / PHOTOGRAPHS, p / "expand", register_json, p / OBSERVATIONS) for p in parts]
-        (before, after), _ = squares_of(what_changed(sets, camera))
+        what = what_changed(photograph_sets(kept), camera)
+        print([(change.effect, change.one_of) for change in what.signatures])
+        (before, after), _ = squares_of(what)
     shown = before[:, : before.shape[0]], before[:, before.shape[0] :], after
-    figure, row = plt.subplots(1, 3, figsize=(9, 3.2), dpi=100, layout="constrained")
-    for axes, title, image in zip(row, TITLES, shown, strict=True):
-        axes.imshow(cv2.cvtColor(image, cv2.COLOR_BGR2RGB))
-        axes.set_axis_off()
-        axes.set_title(title, fontsize=10)
-    return figure
+    return side_by_side(dict(zip(TITLES, shown, strict=True)))
 
 
 if __name__ == "__main__":

@@ -20,12 +20,17 @@ def draw(results, campaign, camera):
     shot = figures.read_capture(run, campaign, camera, capture)
     twin = figures.outlined(shot.twin, run, camera, capture, "twin", shot.K, shot.T_twin, detector)
     real = figures.outlined(shot.real, run, camera, capture, "real", shot.K, shot.T_real, detector)
-    figure, row = plt.subplots(1, 3, figsize=(11, 3.0), dpi=100, layout="constrained")
     shown = {
         "photograph: found markers blue": real,
         "ideal twin in its place": twin,
         "both: coloured where they differ": figures.overlay(shot),
     }
+    return side_by_side(shown)
+
+
+def side_by_side(shown):
+    """Return the figure of pictures {words above it: (H, W, 3), blue first}."""
+    figure, row = plt.subplots(1, len(shown), figsize=(11, 3.0), dpi=100, layout="constrained")
     for axes, (words, image) in zip(row, shown.items(), strict=True):
         axes.imshow(cv2.cvtColor(image, cv2.COLOR_BGR2RGB))
         axes.set_axis_off()

@@ -6,8 +6,9 @@ import cv2
 import numpy as np
 
 from case_files import read_capture
+from gap.measure.places import code_sides_px
+from gap.signature_changes import laid_on_numbers
 from inputs import tables
-from photograph_changes import laid_on_numbers
 
 ARROW = 0.05  # of the picture's width, its longest arrows
 SQUARE_PX = 300
@@ -59,9 +60,8 @@ def squares_of(what):
 
 
 def _sides_px(photograph):
-    """Return {plate: length of its code's sides, pixels} of a photograph."""
-    corners = photograph.features[:, :8].reshape(-1, 4, 2)
-    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(1)
+    """Return {plate: its code's shortest side, pixels} of a photograph."""
+    sides = code_sides_px(photograph.features[:, :8].reshape(-1, 4, 2))
     return dict(zip(photograph.plates.tolist(), sides.tolist(), strict=True))
 
 
@@ -72,9 +72,16 @@ def _square(image, photograph, plate):
     x, y = corners.mean(0)
     scale = 2 * half / SQUARE_PX
     crop = np.array([[scale, 0, x - half + scale / 2 - 0.5], [0, scale, y - half + scale / 2 - 0.5]])
-    colour = np.ascontiguousarray(np.repeat(image, 3 // image.shape[2], axis=2)[..., ::-1])
     flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
-    return cv2.warpAffine(colour, crop, (SQUARE_PX, SQUARE_PX), flags=flags, borderMode=cv2.BORDER_REPLICATE)
+    return cv2.warpAffine(
+        _blue_first(image), crop, (SQUARE_PX, SQUARE_PX), flags=flags, borderMode=cv2.BORDER_REPLICATE
+    )
+
+
+def _blue_first(image):
+    """Return a picture (H, W, 3), 8 bits, blue first, of grey levels (H, W, 1 or 3), red first."""
+    picture = np.repeat(image, 3 // image.shape[2], axis=2)[..., ::-1]
+    return np.ascontiguousarray(picture.clip(0, 255).astype(np.uint8))
 
 
 def with_arrows(image, seen, off, times):
@@ -82,9 +89,7 @@ def with_arrows(image, seen, off, times):
 
     They begin where the points were expected, ``off`` (p, 2) longer by a factor.
     """
-    picture = np.ascontiguousarray(
-        np.repeat(image, 3 // image.shape[2], axis=2)[..., ::-1].clip(0, 255).astype(np.uint8)
-    )
+    picture = _blue_first(image)
     thick = max(1, picture.shape[1] // 640)
     for end, move in zip(seen, off, strict=True):
         points = [tuple(int(v) for v in np.rint(p)) for p in (end - times * move, end)]

@@ -174,7 +174,8 @@ def not_compared(what, reasons):
     """Return {effect: why it was not compared}, of reasons why one set alone does not show them."""
     if what.why_points_alone:
         return {name: what.why_points_alone for name in reasons}
-    return {name: why for name, why in reasons.items() if name not in candidates_of(reasons, in_colour=True)}
+    compared = candidates_of(reasons, in_colour=True)
+    return {name: why for name, why in reasons.items() if name not in compared}
 
 
 def parameters_of(effect, twin):

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from case_files import load_measured, load_photographs, read_capture, save_points
+from case_files import MIN_PATCHES, load_measured, load_photographs, read_capture, save_points
 from gap.changes import Changes, changes
 from gap.photographs import expected_corners
 from gap.signature import Photograph
@@ -21,8 +21,6 @@ from inputs import tables
 from inputs.campaign import Board
 from register.finders import board_finder, board_views
 from rig.patches import board_patches, inverted_patches
-
-MIN_PATCHES = 4  # of a photograph, that say something of it
 
 
 @dataclass(frozen=True)

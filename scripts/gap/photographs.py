@@ -12,7 +12,7 @@ from effects import library, pipeline
 from gap.board import on_board, polynomial_terms
 from gap.capture_light import SIGMA_LIGHT, board_map, first_light
 from gap.measure.capture import COARSE_TO_FINE, N_GROUND, Codes, grey_of, measure_plates, observe, states_at
-from gap.measure.places import SMALLEST_SIDE_PX, code_sides_px, wholly_inside
+from gap.measure.places import large_enough
 from gap.measure.plate import FEATURES
 from gap.problem import Case, encoding_table
 from gap.residuals import LOST_PLATE, RHO_NOISE, rho
@@ -89,7 +89,7 @@ class PhotographsCase(Case):
 
     def observe_photograph(self, capture, image, starts):
         """Measure a photograph (H, W, C) from where the patches' codes (p, 4, 2) are expected, NaN where they are not."""
-        wanted = _large_enough(image, starts)
+        wanted = large_enough(starts, capture.view.width, capture.view.height)
 
         def no_regions(corners, measured):
             return np.zeros((2 * N_GROUND, 4), int)
@@ -100,7 +100,7 @@ class PhotographsCase(Case):
 
     def patches_seen(self, image, starts):
         """Return (indices (k,), features (k, 19)) of MAX_PATCHES patches at most, spread over what an image (H, W, C) shows."""
-        wanted = np.flatnonzero(_large_enough(image, starts))
+        wanted = np.flatnonzero(large_enough(starts, image.shape[1], image.shape[0]))
         wanted = spread_out(self.corners[wanted].mean(axis=1), wanted, MAX_PATCHES)
         tried = np.isin(np.arange(len(starts)), wanted)
         states = states_at(np.nan_to_num(starts), self.codes)
@@ -114,12 +114,6 @@ class PhotographsCase(Case):
             kept = np.zeros(len(self.patches), bool)
             kept[spread_out(self.corners[seen].mean(axis=1), seen, MAX_PATCHES)] = True
             capture.observation.measured &= kept
-
-
-def _large_enough(image, starts):
-    """Return which patches (p,), whose codes' corners are expected at ``starts`` (p, 4, 2), an image shows whole and large."""
-    wanted = wholly_inside(starts, image.shape[1], image.shape[0])
-    return wanted & (np.nan_to_num(code_sides_px(starts)) >= SMALLEST_SIDE_PX)
 
 
 def spread_out(places, names, most):

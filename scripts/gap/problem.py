@@ -8,14 +8,7 @@ import numpy as np
 from effects import library, pipeline
 from gap.finder import Finder
 from gap.measure.capture import COARSE_TO_FINE, Codes, classify_flats, grey_of, measure_plates, observe, states_at
-from gap.measure.places import (
-    FARTHEST_FOLLOWED_PX,
-    SMALLEST_SIDE_PX,
-    agreeing,
-    code_sides_px,
-    follow_neighbours,
-    wholly_inside,
-)
+from gap.measure.places import FARTHEST_FOLLOWED_PX, agreeing, follow_neighbours, large_enough
 from gap.measure.plate import STATE_FEATURES
 from gap.measure.regions import choose_regions
 from gap.predict.predictor import Predictor
@@ -247,8 +240,7 @@ class Case:
             follow_neighbours(outlines, starts, found, seen),
         )
         starts[seen] = found[seen]
-        wanted = wholly_inside(starts, capture.view.width, capture.view.height)
-        wanted &= np.nan_to_num(code_sides_px(starts)) >= SMALLEST_SIDE_PX
+        wanted = large_enough(starts, capture.view.width, capture.view.height)
         grey = grey_of(image)
         _, _, first, _ = first_pass = measure_plates(
             grey, states_at(starts, self.codes), wanted, self.codes, COARSE_TO_FINE
@@ -258,8 +250,7 @@ class Case:
             follow_neighbours(starts, starts, *measured),
             follow_neighbours(outlines, starts, *measured),
         )
-        wanted = wholly_inside(starts, capture.view.width, capture.view.height)
-        wanted &= np.nan_to_num(code_sides_px(starts)) >= SMALLEST_SIDE_PX
+        wanted = large_enough(starts, capture.view.width, capture.view.height)
 
         def regions_of(corners, measured):
             return choose_regions(classify_flats(grey.shape, corners, measured, outlines, capture.view, self.codes))

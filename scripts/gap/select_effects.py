@@ -123,8 +123,7 @@ def concluded(selection, base, first):
     if selection.search.problem.floor_within > 1 and is_at_floor(base):  # as good as no repeats can tell
         return outcome_of(selection.search.problem, (), rank(first), base, before)
     rigid = [c for c in first if not is_flexible(c.effect)]
-    share = least_share(selection.search.problem, base)
-    ways = [c for c in rank(rigid) if is_missing(c, before, share)][:FIRST_STEPS]
+    ways = [c for c in rank(rigid) if is_missing_from(selection.search, base, c)][:FIRST_STEPS]
     best = path(selection, base, rigid, before)
     on_another_way = best.share_left < CLOSED or (ways and _is_open(best.twin, ways[0].main_group, before))
     for way in ways[1:] if on_another_way else []:
@@ -159,7 +158,7 @@ def path(selection, base, first, before, start_with=None, taken=()):
     search, twin, gains = selection.search, base, selection.gains
     steps, candidates, names = list(taken), rank(first), [c.effect for c in first]
     while not selection.is_spent():
-        missing = [c for c in candidates if is_missing(c, twin.excess, least_share(search.problem, twin))]
+        missing = [c for c in candidates if is_missing_from(search, twin, c)]
         if not missing:
             break
         best = next((c for c in missing if c.effect == start_with and not steps), missing[0])
@@ -269,8 +268,8 @@ def try_promising(search, twin, names, most, beside=(), known=None):
     names, known = [n for n in names if n not in twin.names], known or {}
     least = MIN_SHARE_OF_BEST * max((known.get(n, 0.0) for n in names), default=0.0)
     gains = {n: search.predicted_gain(twin, n) for n in names if known.get(n, np.inf) >= least}
-    tried, share = _fitted_ones(search, twin, gains, most, beside, {}), least_share(search.problem, twin)
-    if not any(is_missing(c, twin.excess, share) for c in tried.values()):
+    tried = _fitted_ones(search, twin, gains, most, beside, {})
+    if not any(is_missing_from(search, twin, c) for c in tried.values()):
         gains |= {n: search.predicted_gain(twin, n) for n in names if n not in gains}
         tried = _fitted_ones(search, twin, gains, most, beside, tried)
     candidates = rank(tried.get(n) or search.null_candidate(twin, n) for n in names)
@@ -284,11 +283,11 @@ def _fitted_ones(search, twin, by_group, most, beside, tried):
     worth its name, only its rivals are of interest: what else is missing is seen better beside it.
     """
     gains = {n: sum(g.values()) for n, g in by_group.items() if can_be_missing(n, g, twin.excess)}
-    tried, share = dict(tried), least_share(search.problem, twin)
+    tried = dict(tried)
     promising = sorted(gains, key=lambda n: (-gains[n], n))[:most]
     alone = twin.names and not any(gains[n] >= RIVALS * gains[promising[0]] for n in promising[1:])
     for name in promising:
-        lead = next((c for c in rank(tried.values()) if is_missing(c, twin.excess, share)), None)
+        lead = next((c for c in rank(tried.values()) if is_missing_from(search, twin, c)), None)
         least = RIVALS if lead and search.problem.draws else MIN_SHARE_OF_BEST
         if name in tried or gains[name] < least * gains[promising[0]]:
             continue
@@ -306,9 +305,9 @@ def try_beside_others(search, twin, names, known):
     again, the twin refitted with them.
     """
     candidates, gains = try_promising(search, twin, names, MAX_TRIED_AGAIN, known=known)
-    free, tried = search.free(twin.effects), [c.effect for c in candidates if c.fitted and not c.complete]
-    found = candidates and is_missing(candidates[0], twin.excess, least_share(search.problem, twin))
-    if not tried or found or len(free) > MAX_PARAMETERS:
+    free = search.free(twin.effects)
+    tried = [c.effect for c in candidates if c.fitted and not c.complete]
+    if not tried or is_missing_from(search, twin, candidates[0]) or len(free) > MAX_PARAMETERS:
         return candidates, gains
     others = [c for c in candidates if c.effect not in tried]
     return rank([*others, *(search.try_effect(twin, n, free) for n in tried)]), gains
@@ -322,10 +321,11 @@ def can_be_missing(name, predicted, excess):
     )
 
 
-def least_share(problem, twin):
-    """Return the share of what is left above the floor that a candidate must gain: more where all of it may be the floor."""
-    may_be_floor = problem.floor_within > 1 and twin.gap <= MAX_FLOOR_GAP * problem.floor_within
-    return HARDLY_CLOSED if may_be_floor else MIN_SHARE
+def is_missing_from(search, twin, candidate):
+    """Return whether a candidate is missing from a twin: it closes more of what is left where all of that may be the floor."""
+    within = search.problem.floor_within
+    may_be_floor = within > 1 and twin.gap <= MAX_FLOOR_GAP * within
+    return is_missing(candidate, twin.excess, HARDLY_CLOSED if may_be_floor else MIN_SHARE)
 
 
 def is_missing(candidate, excess, share):

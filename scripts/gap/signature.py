@@ -72,9 +72,14 @@ class Photograph:
     @cached_property
     def atlas(self):
         """Where the windows about the patches lie in one small image."""
+        return make_atlas(plate_cores(self._corners, self.codes, self.plates), REACH_PX, self._size)
+
+    @property
+    def _corners(self):
+        """The corners (p, 4, 2) of all codes, 0 of those that are not looked at."""
         corners = np.zeros((len(self.codes.half_code), 4, 2))
         corners[self.plates] = self.features[:, :8].reshape(-1, 4, 2)
-        return make_atlas(plate_cores(corners, self.codes, self.plates), REACH_PX, self._size)
+        return corners
 
     @property
     def _size(self):
@@ -83,9 +88,7 @@ class Photograph:
     @cached_property
     def _classes(self):
         """Which pixels of the windows are white or black throughout."""
-        corners = np.zeros((len(self.codes.half_code), 4, 2))
-        corners[self.plates] = self.features[:, :8].reshape(-1, 4, 2)
-        return window_classes(self.atlas, self.plates, corners, self.codes, ())
+        return window_classes(self.atlas, self.plates, self._corners, self.codes, ())
 
     @cached_property
     def _small(self):
@@ -143,9 +146,8 @@ class Photograph:
             return LINEAR[self.image[rows, columns]]
         flat, planes = np.stack([x, y], axis=-1).reshape(-1, 2).astype(float), []
         for channel in range(self.image.shape[2]):
-            at = 2 * flat - pipeline.map_points(
-                flat, view, list(effects), channel
-            )  # moves are small: where they come from
+            # moves are small: where they come from
+            at = 2 * flat - pipeline.map_points(flat, view, list(effects), channel)
             x_from, y_from = (v.reshape(x.shape).astype(np.float32) for v in at.T)
             plane = LINEAR[self.image[..., channel]]
             planes.append(cv2.remap(plane, x_from, y_from, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE))

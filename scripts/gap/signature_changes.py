@@ -137,7 +137,7 @@ class Layer:
         self._before = self._signatures([])
 
     def _signatures(self, effects):
-        return np.array(list(self.each(lambda p: signature_with(p, [*self.laid, *effects]), self.photographs)))
+        return signatures_of(self.photographs, [*self.laid, *effects], self.each)
 
     def move(self, effects):
         """Return by what the earlier signatures (len(SIGNS),) seem to move."""
@@ -146,9 +146,9 @@ class Layer:
         return self.sign * np.array([np.median(m[np.isfinite(m)]) if np.isfinite(m).any() else 0.0 for m in moved.T])
 
 
-def signature_with(photograph, effects):
-    """Return the signature of a photograph with effects laid on."""
-    return photograph.signature(effects, laid_on_numbers(photograph))
+def signatures_of(photographs, effects, each):
+    """Return the signatures (n, len(SIGNS)) of photographs with effects laid on; ``each`` maps them, as map does."""
+    return np.array(list(each(lambda p: p.signature(effects, laid_on_numbers(p)), photographs)))
 
 
 def laid_on_numbers(photograph):
@@ -162,13 +162,16 @@ def _spread(items, most):
 
 @dataclass(frozen=True)
 class Trial:
-    """An effect laid on: which one and how; the whitened distance that is left, its square charged for parameters."""
+    """An effect laid on: which one and how.
+
+    left is what it leaves of the squared distance, charged for its parameters; moved (len(SIGNS),) by what it moves the signs
+    """
 
     effect: str
     less: bool
     parameters: dict
     left: float
-    distance: np.ndarray
+    moved: np.ndarray
     errors: dict
 
 
@@ -183,7 +186,7 @@ def tried(name, layer, comparison):
     found, start_distance = [], comparison.distance(np.zeros(len(SIGNS)))
     for start in starts_of(name):
         trial = laid_on(name, start, layer, comparison)
-        way = start_distance - trial.distance
+        way = start_distance - comparison.distance(trial.moved)
         scale = float(way @ start_distance) / max(float(way @ way), 1e-9)
         if scale > 0:
             other = scaled(name, nulls, start, np.clip(scale, *SCALES))
@@ -209,7 +212,7 @@ def _tried_from_nothing(name, layer, comparison):
     keys = [k for k in _fitted(name) if not spec((name, k)).auxiliary]
     steps = np.array([FIRST_STEP * spec((name, k)).matters for k in keys])
     moved = [laid_on(name, nulls | {k: nulls[k] + h}, layer, comparison) for k, h in zip(keys, steps, strict=True)]
-    ways = np.stack([start - t.distance for t in moved], axis=1)
+    ways = np.stack([start - comparison.distance(t.moved) for t in moved], axis=1)
     times = np.linalg.solve(ways.T @ ways + np.eye(len(keys)), ways.T @ start)
     specs = [spec((name, k)) for k in keys]
     values = [float(np.clip(s.null + n * h, s.lower, s.upper)) for s, n, h in zip(specs, times, steps, strict=True)]
@@ -218,8 +221,9 @@ def _tried_from_nothing(name, layer, comparison):
 
 def laid_on(name, parameters, layer, comparison):
     """Return the Trial of an effect with parameters."""
-    distance = comparison.distance(layer.move([(name, parameters)]))
-    return Trial(name, layer.sign < 0, parameters, float(distance @ distance) + 2 * len(_fitted(name)), distance, {})
+    moved = layer.move([(name, parameters)])
+    distance = comparison.distance(moved)
+    return Trial(name, layer.sign < 0, parameters, float(distance @ distance) + 2 * len(_fitted(name)), moved, {})
 
 
 def scaled(name, nulls, start, scale):
@@ -280,13 +284,10 @@ def signature_changes(before, after, candidates, seed_name, threads=1):
 
 def _changes(sets, candidates, seed, each):
     found, laid, at_first = [], ([], []), None
+    signatures = [signatures_of(photographs, (), each) for photographs in sets]
     in_colour = all(p.image.shape[2] > 1 for photographs in sets for p in photographs)
     names = candidates_of(candidates or sorted(library.available_effects()), in_colour)
     while True:
-        signatures = [
-            np.array(list(each(lambda p, on=on: signature_with(p, on), photographs)))
-            for photographs, on in zip(sets, laid, strict=True)
-        ]
         comparison = compared(*signatures, seed)
         start = comparison.distance(np.zeros(len(SIGNS)))
         total = float(start @ start)
@@ -298,7 +299,8 @@ def _changes(sets, candidates, seed, each):
         if change is None:
             return found, comparison.p
         found.append(change)
-        laid[int(change.less)].extend(change.laid)
+        laid[change.less].extend(change.laid)
+        signatures[change.less] = signatures_of(sets[change.less], laid[change.less], each)
         names = [n for n in names if n != change.effect]
 
 
@@ -329,5 +331,5 @@ def _named(sets, laid, names, comparison, total, each):
         float(np.sqrt(best.left / k)),
         explained,
         (best.effect, *alike)[:MAX_GROUP] if alike else (),
-        comparison.is_of_light(layers[best.less].move([(best.effect, best.parameters)])),
+        comparison.is_of_light(best.moved),
     )

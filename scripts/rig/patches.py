@@ -12,9 +12,8 @@ from rig.plates import black_rectangles, white_cell_at
 from rig.targets import target_plate
 
 WHITE_ABOUT = 0.25  # of a chessboard's square, that is looked at on each side of a black one
-INSIDE_SQUARE = 0.48 * np.array(
-    [[0, 0], [-1, -1], [-1, 1], [1, -1], [1, 1]]
-)  # points that tell a black one from a marker
+# Points of a square, from its middle, that tell a black one from a marker
+INSIDE_SQUARE = 0.48 * np.array([[0, 0], [-1, -1], [-1, 1], [1, -1], [1, 1]])
 FARTHEST_CELLS = 1.5  # half sides of a patch, up to which the board's cells are part of it
 
 
@@ -66,10 +65,8 @@ def _patches_of(board, plate):
 
 def _inner_black_squares(board, plate):
     """Return [(name, centre (2,))] of the squares that are black throughout and have others on all sides, from the top left."""
-    side, more = (
-        board.square_m,
-        1 if board.type == "chessboard" else 0,
-    )  # a chessboard's points are counted, not its squares
+    side = board.square_m
+    more = int(board.type == "chessboard")  # its points are counted, not its squares
     columns, rows = board.columns + more, board.rows + more
     found = []
     for row in range(1, rows - 1):

@@ -46,16 +46,20 @@ def diagnose_changes(folder):
     nothing = {"camera": camera, "verdict": "refused", "steps": [], "gap": None}
     if (folder / REFUSED).is_file():
         return nothing | {"why": (folder / REFUSED).read_text(encoding="utf-8").strip()}
-    parts = [folder / name for name in (BASELINE, CHANGED)]
     start = time.perf_counter()
     try:
-        sets = [
-            PhotographSet(p / PHOTOGRAPHS, p / "expand", parts[0] / "register.json", p / OBSERVATIONS) for p in parts
-        ]
-        record = changes_record(what_changed(sets, camera), [{"campaign": p.name, "camera": camera} for p in parts])
+        alone = [{"campaign": part, "camera": camera} for part in (BASELINE, CHANGED)]
+        record = changes_record(what_changed(photograph_sets(folder), camera), alone)
     except ValueError as why:
         return nothing | {"why": str(why)}
     return record | {"seconds": time.perf_counter() - start}
+
+
+def photograph_sets(folder):
+    """Return the PhotographSets, the earlier first, of a trial on real photographs as ``observe_trial`` kept it."""
+    parts = [Path(folder) / name for name in (BASELINE, CHANGED)]
+    register_json = parts[0] / "register.json"  # of both: what is another focal length is found, not calibrated away
+    return [PhotographSet(p / PHOTOGRAPHS, p / "expand", register_json, p / OBSERVATIONS) for p in parts]
 
 
 def replay(folder):

@@ -83,7 +83,8 @@ def test_a_step_that_closes_a_fifth_of_the_gap_and_leaves_it_open_gets_no_name(m
     _, _, _, outcome = verdict(problem, candidates=["rolling_shutter"])
     assert (outcome.steps, outcome.verdict) == ((), "adequate") and outcome.twin.gap > 1.3
     monkeypatch.setattr(select_effects, "HARDLY_CLOSED", 1.0)
-    monkeypatch.setattr(select_effects, "least_share", lambda *_: select_effects.MIN_SHARE)
+    as_patches = lambda _, twin, candidate: select_effects.is_missing(candidate, twin.excess, select_effects.MIN_SHARE)  # noqa: E731
+    monkeypatch.setattr(select_effects, "is_missing_from", as_patches)
     _, _, _, patched = verdict(problem, candidates=["rolling_shutter"])
     assert [s.effect for s in patched.steps] == ["rolling_shutter"] and 0.6 < patched.share_left < 0.9
 

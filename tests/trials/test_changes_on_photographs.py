@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from find_changes import changes_record
-from photograph_changes import PhotographSet, pixels_of, shines, what_changed
-from trials.observe_trial import OBSERVATIONS, PHOTOGRAPHS, observe_trial
+from photograph_changes import pixels_of, shines, what_changed
+from trials.diagnose_trial import photograph_sets
+from trials.observe_trial import observe_trial
 from trials.real_trials import generate_real_trial
 
 RAW = Path(__file__).resolve().parents[2] / "data/raw"
@@ -21,11 +22,9 @@ def blurred(tmp_path_factory):
     folder = tmp_path_factory.mktemp("real")
     name = generate_real_trial(folder / "campaigns", folder / "truths", RAW, 0, "blurred", effect="lens_blur")
     observe_trial(folder / "campaigns" / name, folder / "kept")
-    parts = [folder / "kept" / part for part in ("baseline", "changed")]
-    register_json = parts[0] / "register.json"
-    sets = [PhotographSet(p / PHOTOGRAPHS, p / "expand", register_json, p / OBSERVATIONS) for p in parts]
-    alone = [{"campaign": p.name, "camera": CAMERA, "not_looked_at": dict.fromkeys(NAMES, "by points")} for p in parts]
-    return changes_record(what_changed(sets, CAMERA, candidates=NAMES), alone)
+    unseen = dict.fromkeys(NAMES, "by points")
+    alone = [{"campaign": part, "camera": CAMERA, "not_looked_at": unseen} for part in ("baseline", "changed")]
+    return changes_record(what_changed(photograph_sets(folder / "kept"), CAMERA, candidates=NAMES), alone)
 
 
 def test_another_blur_is_named_and_no_lens(blurred):

@@ -27,6 +27,11 @@ def wholly_inside(corners, width, height, border=6.0):
     )
 
 
+def large_enough(corners, width, height):
+    """Return a mask (p,) of codes, corners (p, 4, 2), that lie wholly inside the frame and are large enough to be measured."""
+    return wholly_inside(corners, width, height) & (np.nan_to_num(code_sides_px(corners)) >= SMALLEST_SIDE_PX)
+
+
 def follow_neighbours(points, starts, corners, measured):
     """Return points (p, 4, 2) moved as the measured corners (p, 4, 2) were from their starts (p, 4, 2).
 
