@@ -2,7 +2,7 @@
 
 Needs: expand/, register/CAMERA.json, captures, the twin as configured. Makes: diagnosis/CAMERA.json (the verdict),
 diagnosis/CAMERA/ (observations, tables for pictures), tables/ladder.csv. Photographs of a board go the same way, by their
-points, and by their cells where ``diagnose.cells`` says so. Of several cameras each takes one core, so that none waits for two that
+points and, unless ``diagnose.cells`` says no, by their cells. Of several cameras each takes one core, so that none waits for two that
 are free at once. No Blender in the loop: the fit draws the known plates itself (scripts/gap/predict/, held to
 Blender's renders by a test).
 """
@@ -49,7 +49,6 @@ if CELLS:
             observations=f"{RESULTS}/diagnosis/{{camera}}/observations.npz",
             images=captures_of,
             code=imports_of("observe_patches.py"),
-            effect_code=code_of_effects(effects_that_look()),
         output:
             patches=f"{RESULTS}/diagnosis/{{camera}}/patches.npz",
         log:
@@ -77,6 +76,7 @@ rule diagnose_camera:
         register_json=f"{RESULTS}/register/{{camera}}.json",
         observations=f"{RESULTS}/diagnosis/{{camera}}/observations.npz",
         patches=f"{RESULTS}/diagnosis/{{camera}}/patches.npz" if CELLS else [],
+        files=f"{RESULTS}/register/{{camera}}/files.csv" if CELLS else [],
         code=imports_of("diagnose_camera.py"),
         finder_code=finder_code,
         effect_code=diagnosis_effect_code,

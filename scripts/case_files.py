@@ -10,8 +10,11 @@ import numpy as np
 from effects.base import View
 from gap.board import board_case, local_noise_px
 from gap.measure.capture import Codes, Observation, read_rgb
+from gap.measure.plate import N_FEATURES
 from gap.photographs import photographs_case
 from gap.problem import MARGIN_PX, Capture, Case, encoding_table
+from gap.signature_case import Shown, SignatureCase, twin_photograph
+from gap.signature_changes import candidates_of
 from inputs import tables
 from inputs.campaign import Board
 from inputs.images import read_image
@@ -24,7 +27,7 @@ from rig.errors import InputError
 from rig.geometry import camera_matrix, make_pose, perturb_pose
 from rig.patches import board_patches
 
-MIN_PATCHES = 4  # of a photograph, that say something of it
+MIN_PATCHES, PATCHES = 4, 6  # of a photograph, that say something of it; that its signature is measured in
 OBSERVED = (
     "features",
     "information",
@@ -118,22 +121,47 @@ def load_measured(expand, register_json, camera, observations):
     )
 
 
-def load_patches(expand, register_json, camera, patches, points, twin):
-    """Return the PhotographsCase of what was measured in ``patches``, a file, its poses and lens those of a twin of the BoardCase
-    ``points``.
+def save_patches(file, photographs, lights):
+    """Write what gap.signature.Photographs show of their patches, at most PATCHES of each, and their LIGHT (n, 11), NaN where it
+    is unknown, to an open npz file.
+    """
+    n = len(photographs)
+    plates, features = np.full((n, PATCHES), -1), np.full((n, PATCHES, N_FEATURES), np.nan)
+    for k, photograph in enumerate(photographs):
+        plates[k, : len(photograph.plates)] = photograph.plates
+        features[k, : len(photograph.plates)] = photograph.features
+    signs = np.array([p.signature() for p in photographs])
+    channels = np.array([p.image.shape[2] for p in photographs])
+    np.savez_compressed(file, plates=plates, features=features, signs=signs, lights=lights, channels=channels)
+
+
+def load_patches(expand, register_json, camera, patches, points, twin, declared):
+    """Return the SignatureCase of what was measured in ``patches``, a file; poses and lens are those of a twin of the BoardCase
+    ``points``; declared {capture: effects [(name, parameters)]} are what photographs' files say of themselves.
 
     Raises ValueError where too few photographs show patches.
     """
     target = json.loads((Path(expand) / "scene.json").read_text())["target"]
-    case = load_photographs(expand, register_json, camera, board_patches(Board.model_validate(target)))
-    load_observations(patches, case)
-    case.thin()
-    if sum(c.observation.measured.sum() >= MIN_PATCHES for c in case.captures) < MIN_PHOTOGRAPHS:
-        raise ValueError("too few photographs show the board's cells at a size that can be measured")
-    for mine, theirs, pose in zip(case.captures, points.captures, twin.poses, strict=True):
-        mine.view = replace(theirs.view, T_cam_world=perturb_pose(theirs.view.T_cam_world, pose))
-    case.given = tuple(twin.effects)
-    return case
+    drawn = load_photographs(expand, register_json, camera, board_patches(Board.model_validate(target)))
+    with np.load(patches) as stored:
+        arrays = {name: stored[name] for name in ("plates", "features", "signs", "lights", "channels")}
+    usable = ((arrays["plates"] >= 0).sum(1) >= MIN_PATCHES) & np.isfinite(arrays["lights"]).all(1)
+    if usable.sum() < MIN_PHOTOGRAPHS:
+        raise ValueError("too few photographs show the board's cells, white and black, at a size that can be measured")
+    given = [(n, p) for n, p in twin.effects if n not in candidates_of([n], in_colour=True)]
+    captures, twins = [], []
+    for i in np.flatnonzero(usable):
+        theirs = points.captures[i].view
+        view = replace(theirs, T_cam_world=perturb_pose(theirs.T_cam_world, twin.poses[i]))
+        kept = arrays["plates"][i] >= 0
+        plates, features = arrays["plates"][i][kept], arrays["features"][i][kept]
+        corners, measured = np.zeros((len(drawn.patches), 4, 2)), np.zeros(len(drawn.patches), bool)
+        corners[plates], measured[plates] = features[:, :8].reshape(-1, 4, 2), True
+        captures.append(Capture(view, points.captures[i].trial, Shown(corners, measured)))
+        in_colour = bool(arrays["channels"][i] > 1)
+        own = declared.get(view.capture, ())
+        twins.append(twin_photograph(drawn, view, given, arrays["lights"][i], plates, features, in_colour, own))
+    return SignatureCase(drawn.campaign, camera, captures, twins, arrays["signs"][usable])
 
 
 def load_photographs(expand, register_json, camera, patches):

@@ -24,6 +24,7 @@ from case_files import load_measured, read_capture
 from diagnose_patches import both_looks, look_at_patches, rows_of_both
 from effects import library
 from effects.contract import available_effects
+from expose_twin import declared_of
 from gap import ladder
 from gap.board import scales_alone, seen_by_points
 from gap.needs import cannot_tell
@@ -111,6 +112,7 @@ def diagnose_camera(
     camera,
     observations,
     patches,
+    files,
     effects,
     free,
     candidates,
@@ -125,10 +127,10 @@ def diagnose_camera(
 ):
     """Go from the twin as configured to the verdict and write everything that tells how.
 
-    ``patches`` is the file of what a board's cells show, None where points alone are looked at. effects [[name, parameters], ...]
-    and free [[effect, parameter], ...] of the twin as configured; ``candidates`` are names of effects; ``budget`` counts
-    predictions of one capture. ``kept`` is a folder of earlier outcomes (gap.kept); what they depend on besides are the
-    measurements and the files of ``code`` and ``effect_code``.
+    ``patches`` is the file of what a board's cells show and ``files`` the table of what its photographs' files say, None where
+    points alone are looked at. effects [[name, parameters], ...] and free [[effect, parameter], ...] of the twin as configured;
+    ``candidates`` are names of effects; ``budget`` counts predictions of one capture. ``kept`` is a folder of earlier outcomes
+    (gap.kept); what they depend on besides are the measurements and the files of ``code`` and ``effect_code``.
     """
     expand, out_gaps = Path(expand), Path(out_gaps)
     configured = [(n, p) for n, p in effects]
@@ -171,20 +173,13 @@ def diagnose_camera(
     if patches:
         facts = camera, sorted(fixed), twin.effects, twin.poses.tobytes()
         store = stored_outcomes(
-            f"{kept}/patches", [*code, *effect_code, patches, observations, register_json], expand, facts
+            f"{kept}/patches", [*code, *effect_code, patches, files, observations, register_json], expand, facts
         )
+        of_camera = expand, register_json, camera, patches
         look = partial(
-            look_at_patches,
-            (expand, register_json, camera, patches),
-            case,
-            outcome,
-            list(not_looked_at),
-            budget,
-            threads,
+            look_at_patches, of_camera, case, outcome, list(not_looked_at), fixed, declared_of(files), budget, threads
         )
-        result, rows = with_cells(
-            result, rows, base, outcome, rungs, not_looked_at, partial(look, teller(camera), store)
-        )
+        result, rows = with_cells(result, rows, base, outcome, not_looked_at, partial(look, teller(camera), store))
         store.drop_unused()
     with job.write_atomically(out) as file:
         json.dump(job.clean(result), file, indent=1, sort_keys=True)
@@ -203,20 +198,22 @@ def telling_record(steps, hidden, alike, needs):
     return {"steps": steps, "not_told": hidden, "needs": needs}
 
 
-def with_cells(result, rows, base, outcome, rungs, not_looked_at, look):
+def with_cells(result, rows, base, outcome, not_looked_at, look):
     """Return (record, ladder's rows) with what a board's cells tell added to what its points did; as they are where too few
     are seen.
 
-    base, outcome and ``rungs`` are of the points, ``not_looked_at`` {effect: why} what these do not show; ``look`` looks at the
-    cells (diagnose_patches.look_at_patches).
+    base and outcome are of the points, ``not_looked_at`` {effect: why} what these do not show; ``look`` looks at the cells
+    (diagnose_patches.look_at_patches).
     """
     try:
-        search, own, tried, closer, hidden = look()
+        _, own, tried, closer, hidden = look()
     except ValueError as why:
         return result | {"not_looked_at": dict.fromkeys(not_looked_at, str(why)) | result["not_looked_at"]}, rows
-    result = both_looks(result, verdict_record(own, tried, closer), search, base, outcome.steps)
+    both = base, outcome, own, closer
+    rows = rows_of_both(rows, f"{result['campaign']}/{result['camera']}", *both)
+    result = both_looks(result, verdict_record(own, tried, closer), *both)
     unseen = {n: why for n, why in not_looked_at.items() if library.is_pure_geometry(n)}
-    return result | {"not_looked_at": unseen | hidden}, rows_of_both(rows, search, closer, rungs)
+    return result | {"not_looked_at": hidden | unseen}, rows
 
 
 def teller(camera):
@@ -350,6 +347,7 @@ if __name__ == "__main__":
         camera=snakemake.wildcards.camera,
         observations=snakemake.input.observations,
         patches=snakemake.input.get("patches") or None,
+        files=snakemake.input.get("files") or None,
         effects=snakemake.params.effects,
         free=snakemake.params.free,
         candidates=snakemake.params.candidates,

@@ -1,59 +1,73 @@
-"""The second look at photographs of a board: with lens and poses from its points, what do the cells themselves show?
+"""The second look at photographs of a board: with lens and poses from its points, what do its cells tell of the camera?
 
-diagnose_camera calls it where ``diagnose.cells`` is set. Points tell where light lands; levels, edges, colours and noise of the
-board's patches tell what became of it. Both looks make one record: the steps of the first, told in gaps of the patches, and
-those of the second.
+Points tell where light lands; signatures (gap.signature) tell what became of it, against those of an ideal camera in each
+photograph's own pose and light. Both looks make one record: gaps are the root mean square over the groups of both.
 """
 
-import logging
+import numpy as np
 
 from case_files import load_patches
-from gap import ladder
-from gap.photographs import competing
-from gap.score import gap_error, overall_gap
-from gap.search import Search
+from effects import library
+from gap.score import gap_error, group_gaps
 from gap.select_effects import verdict
+from gap.signature_changes import candidates_of
+from job import seed_of
 
-log = logging.getLogger("twingap")
+ONLY_REPEATS = "only repeats of a station would tell it from noise"
+LIKE_LIGHT = "each photograph's own light, exposure and white balance would show the same"
+OF_THE_SCENE = "the board's print and its light are taken as each photograph shows them"
+NO_COLOURS = "the photographs have no colours"
+DECLARED = "the photographs' files say it themselves"
+RESAMPLES = 400
+AS_MANY = 30  # predictions of points take no longer than one of a signature
 
 
-def look_at_patches(files, points, outcome, candidates, budget, threads, progress, store):
+def look_at_patches(files, points, outcome, candidates, fixed, declared, budget, threads, progress, store):
     """Return (Search, base Twin, candidates of the first step, Outcome, {effect: why it does not compete}) of a board's patches.
 
-    files (expand, register_json, camera, patches.npz); points is the BoardCase, outcome where its search ended. Raises ValueError
-    where too little of the board can be measured.
+    files (expand, register_json, camera, patches.npz); points is the BoardCase, outcome where its search ended; fixed
+    {(effect, parameter)} what the user fixed of the twin as configured; declared {capture: effects} what photographs' files say.
+    Raises ValueError where too little of the board can be measured.
     """
-    case = load_patches(*files, points, outcome.twin)
-    given = list(outcome.twin.effects)
-    fixed = {(name, key) for name, p in given for key in p}
-    search = Search(case, candidates, fixed, threads=threads, store=store)
-    if search.why_unusable():
-        raise ValueError(search.why_unusable())
-    names, why = competing(search, search.fitted(given), candidates)
-    return *verdict(case, given, names, fixed, budget, threads, progress, store), why
+    case = load_patches(*files, points, outcome.twin, declared)
+    configured = [(n, p) for n, p in outcome.twin.effects if n in candidates_of([n], in_colour=True)]
+    names, why = competing(case, candidates, {name for effects in declared.values() for name, _ in effects})
+    return *verdict(case, configured, names, fixed, budget // AS_MANY, threads, progress, store), why
 
 
-def both_looks(first, second, search, base, steps):
-    """Return the record of both looks: records ``first`` of the points, ``second`` of the patches.
+def competing(case, names, declared):
+    """Return (names of effects that can compete, {name: why it does not} of the others) of a SignatureCase."""
+    in_colour = all(twin.in_colour for twin in case.twins)
+    why = {n: OF_THE_SCENE for n in names if n not in candidates_of(names, in_colour=True)}
+    why |= {n: NO_COLOURS for n in names if library.needs_colour(n) and not in_colour}
+    why |= {n: DECLARED for n in declared if n in names}
+    why |= {n: ONLY_REPEATS for n in names if library.needs_repeats(n)}
+    why |= {n: LIKE_LIGHT for n in names if n not in why and case.is_like_light(n)}
+    return [n for n in names if n not in why], why
 
-    search is that of the patches; base and steps are those of the points: their gaps are told as patches show them.
+
+def both_looks(first, second, base, outcome, own, closer):
+    """Return the record of both looks, ``first`` of the points and ``second`` of the patches.
+
+    base Twin and Outcome ``outcome`` are of the points, ``own`` and ``closer`` of the patches.
     """
-    floors = second["floor"]
-    gaps = [_gap_of(search, twin, floors) for twin in (base, *(step.twin for step in steps))]
-    told = [
-        record | {"gap_before": before[0], "gap_after": after[0], "gap_after_se": after[1]}
-        for record, before, after in zip(first["steps"], gaps[:-1], gaps[1:], strict=True)
+    gaps = [
+        Gap(points, outcome.twin.floors, patches, closer.twin.floors)
+        for points, patches in ways(base, outcome, own, closer)
     ]
-    named = [*told, *second["steps"]]
+    told = [
+        record | {"gap_before": before.value, "gap_after": after.value, "gap_after_se": after.error}
+        for record, before, after in zip([*first["steps"], *second["steps"]], gaps[:-1], gaps[1:], strict=True)
+    ]
     open_ones = "unexplained" in (first["verdict"], second["verdict"])
     return first | {
-        "verdict": "unexplained" if open_ones else "explained" if named else "adequate",
-        "gap": second["gap"],
-        "gap_se": second["gap_se"],
-        "gap_as_configured": gaps[0][0],
-        "groups": second["groups"],
-        "floor": floors | {"corners_px": first["floor"]["corners_px"]},
-        "steps": named,
+        "verdict": "unexplained" if open_ones else "explained" if told else "adequate",
+        "gap": gaps[-1].value,
+        "gap_se": gaps[-1].error,
+        "gap_as_configured": gaps[0].value,
+        "groups": gaps[-1].groups,
+        "floor": second["floor"] | first["floor"],
+        "steps": told,
         "candidates": _numbered(first["candidates"], second["candidates"]),
         "candidates_left": _numbered(first["candidates_left"], second["candidates_left"]),
         "within_budget": first["within_budget"] and second["within_budget"],
@@ -61,28 +75,67 @@ def both_looks(first, second, search, base, steps):
     }
 
 
-def rows_of_both(rows, search, outcome, twins):
-    """Return the ladder's rows of the points, gaps as patches show them, and a row for each step of the patches' Outcome.
+def ways(base, outcome, own, closer):
+    """Return [(held-out groups of points, of patches)]: as configured, and after each step of the points, then of the patches."""
+    of_points = [base.groups, *(step.twin.groups for step in outcome.steps)]
+    of_patches = [own.groups, *(step.twin.groups for step in closer.steps)]
+    return [(groups, of_patches[0]) for groups in of_points] + [(of_points[-1], groups) for groups in of_patches[1:]]
 
-    ``twins`` are those of the rows. Where points land is the same for all steps that patches showed.
+
+class Gap:
+    """The gap of two looks: the root mean square over the groups of points and of patches, each in its floors."""
+
+    def __init__(self, points, floors, patches, floors_of_patches):
+        self.looks = (points, floors), (patches, floors_of_patches)
+        self.groups = group_gaps(points, floors) | group_gaps(patches, floors_of_patches)
+
+    @property
+    def value(self):
+        """The gap."""
+        return _root_mean_square(self.groups)
+
+    @property
+    def error(self):
+        """Its standard error: those of both looks by themselves."""
+        sums = [len(g := group_gaps(*look)) * _root_mean_square(g) * gap_error(*look) for look in self.looks]
+        return float(np.hypot(*sums) / (len(self.groups) * self.value))
+
+    def interval(self, seed):
+        """Return its 95 % percentile interval by resampling the photographs of each look."""
+        rng, draws = np.random.default_rng(seed_of(seed)), []
+        for _ in range(RESAMPLES):
+            groups = {}
+            for found, floors in self.looks:
+                drawn = rng.choice(list(found), len(found))
+                groups |= group_gaps({n: found[k] for n, k in enumerate(drawn)}, floors)
+            draws.append(_root_mean_square(groups))
+        return tuple(float(v) for v in np.percentile(draws, [2.5, 97.5]))
+
+
+def _root_mean_square(groups):
+    return float(np.sqrt(np.mean([v**2 for v in groups.values()])))
+
+
+def rows_of_both(rows, name, base, outcome, own, closer):
+    """Return the ladder's rows of the points, gaps those of both looks, and a row for each step of the patches' Outcome.
+
+    The last rows are those of the points' steps. Where points land is the same for all steps that patches showed.
     """
-    case, start = search.problem, search.problem.start_poses()
-    twins = [(name, effects, start) for name, effects, _ in twins]
-    twins += [(step.effect, list(step.twin.effects), step.twin.poses) for step in outcome.steps]
-    of_patches = ladder.rungs(search.solver, twins, search.test, {}, outcome.twin.floors)
-    log.info("%s: %d patches of the board in %d photographs", case.camera, len(case.patches), len(case.captures))
-    of_gap = [c for c in ladder.COLUMNS if c.startswith("gap")]
-    points = [*rows, *[rows[-1]] * len(outcome.steps)]
-    return [
-        point | {k: patch[k] for k in ("step", "effect", *of_gap)}
-        for point, patch in zip(points, of_patches, strict=True)
+    steps = [step.effect for step in closer.steps]
+    rows = [
+        *rows,
+        *({**rows[-1], "step": rows[-1]["step"] + k + 1, "effect": effect} for k, effect in enumerate(steps)),
     ]
-
-
-def _gap_of(search, twin, floors):
-    """Return (gap, its error) that held-out patches show of a Twin of the points."""
-    _, groups = search.solver.score(list(twin.effects), search.problem.start_poses(), search.test)
-    return overall_gap(groups, floors), gap_error(groups, floors)
+    gaps = [
+        Gap(points, outcome.twin.floors, patches, closer.twin.floors)
+        for points, patches in ways(base, outcome, own, closer)
+    ]
+    gaps = [gaps[0]] * (len(rows) - len(gaps)) + gaps
+    out = []
+    for row, gap in zip(rows, gaps, strict=True):
+        low, high = gap.interval(f"{name}/{row['step']}")
+        out.append({**row, "gap": gap.value, "gap_floor": 1.0, "gap_low": low, "gap_high": high})
+    return out
 
 
 def _numbered(first, second):

@@ -1,6 +1,8 @@
-"""Observe: measure the cells of a board in all photographs of a camera, patch by patch. Makes diagnosis/CAMERA/patches.npz."""
+"""Observe: measure the cells of a board in all photographs of a camera: where, in what light, what they show of the camera.
 
-import json
+Makes diagnosis/CAMERA/patches.npz.
+"""
+
 import logging
 from pathlib import Path
 
@@ -8,31 +10,39 @@ import numpy as np
 from tqdm import tqdm
 
 import job
-from case_files import load_photographs, read_capture, save_observations
-from gap.photographs import expected_corners
-from inputs import tables
-from inputs.campaign import Board
-from rig.patches import board_patches
+from case_files import PATCHES, load_views, save_patches
+from gap.capture_light import photograph_light
+from gap.problem import encoding_table
+from gap.signature_case import OF_SLOPES
+from inputs.scene import load_scene
+from photograph_changes import PhotographSet
+from rig.light import LIGHT, free_numbers
 
 log = logging.getLogger("twingap")
 
 
 def observe_patches(expand, register_json, campaign, camera, observations, out):
     """Measure a board's patches about where its points, those of the file ``observations``, say that they are."""
-    board = Board.model_validate(json.loads((Path(expand) / "scene.json").read_text())["target"])
-    case = load_photographs(expand, register_json, camera, board_patches(board))
-    captures = tables.read_table(Path(expand) / "captures.csv", tables.CAPTURES).set_index("capture")
+    facts, _, views = load_views(expand, register_json, camera)
+    scene, free = load_scene(expand), free_numbers(facts["left_open"]) & OF_SLOPES
+    lut = encoding_table(facts["encoding"], float(facts["exposure"]))
+    of_set = PhotographSet(campaign, expand, register_json, observations)
+    photographs = of_set.photographs(camera, {view.capture: view for view in views})
     with np.load(observations) as stored:
         points, pixels = stored["points"], stored["pixels"]
-    for capture, xy in tqdm(
-        list(zip(case.captures, pixels, strict=True)), desc=f"observing {camera}", unit="image", mininterval=5
-    ):
-        image = read_capture(campaign, captures.loc[capture.view.capture, "image"])
-        case.observe_photograph(capture, image, expected_corners(points, xy, case.patches))
+    lights, fewer = np.full((len(views), len(LIGHT)), np.nan), []
+    work = list(zip(photographs, pixels, strict=True))
+    for k, (photograph, xy) in enumerate(tqdm(work, desc=f"observing {camera}", unit="image", mininterval=5)):
+        fewer.append(photograph.fewer(PATCHES))
+        try:
+            lights[k] = photograph_light(photograph.image.astype(np.float32), scene, points, xy, lut, free)
+        except ValueError as why:
+            log.info("%s: %s", photograph.view.capture, why)
     with job.write_atomically(out, "wb") as file:
-        save_observations(file, case)
-    seen = int(sum(c.observation.measured.sum() for c in case.captures))
-    log.info("%s: %d patches of the board measured in %d photographs", camera, seen, len(case.captures))
+        save_patches(file, fewer, lights)
+    log.info(
+        "%s: %d patches of the board measured in %d photographs", camera, sum(len(p.plates) for p in fewer), len(fewer)
+    )
 
 
 if __name__ == "__main__":

@@ -39,7 +39,7 @@ class BoardCase(Case):
     is_board = True
     corner_numbers = 2
     state_features = np.arange(2)
-    most_captures = 1000  # points cost next to nothing
+    most_captures = most_held_out = 1000  # points cost next to nothing
     draws = False
     floor_within = 2.0  # corner noise varies over the image, and from photograph to photograph
 

@@ -46,6 +46,8 @@ def light_of(shown, reflectance, X, Y, free):
     if min((reflectance == r).sum() for r in (white, black)) < FEWEST_PLACES or white == black:
         raise ValueError("too little white or black of the board is seen")
     medians = np.stack([np.median(shown[reflectance == r], axis=0) for r in (white, black)], axis=1)
+    if (medians[:, 0] <= medians[:, 1]).any():
+        raise ValueError("the board's white is darker than its black")
     kept = np.concatenate([_thinned(np.flatnonzero(reflectance == r)) for r in (white, black)])
     shown, reflectance, X, Y = shown[kept], reflectance[kept], X[kept], Y[kept]
     light = np.where(free, first_light(medians, white, black), 0.0)

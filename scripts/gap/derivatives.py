@@ -7,7 +7,6 @@ from gap.parameters import get_parameter, image_step, is_geometric, small_step, 
 from rig.geometry import N_POSE
 
 POSE_STEP = np.array([1e-5] * 3 + [1e-5] * 3)  # radians, metres
-LIGHT_STEP = 0.01  # of the logarithm of light, of radiance
 LARGEST = 1e6
 FEW_COLUMNS = 5  # by images, for which plates are measured again: more are worth the plates' responses
 LONGEST_WAY = 1e4  # whitened residual beyond which a change says no more
@@ -18,7 +17,6 @@ class Derivatives:
 
     def __init__(self, problem, predictor, whiteners, prior):
         self.problem, self.predictor, self.whiteners, self.prior = problem, predictor, whiteners, prior
-        self._by_light = {}
 
     def __call__(self, i, effects, free, pose, step_of=None):
         """Return (Jt, Jp) of capture i: d (twin, whitened) by the free parameters (n, k) and ``by_pose``.
@@ -43,32 +41,12 @@ class Derivatives:
         return np.clip(self.whiteners[i].whitened(change), -LONGEST_WAY, LONGEST_WAY)
 
     def by_pose(self, i, effects, pose):
-        """Return d (twin, whitened) / d pose (n, 6) of capture i; of its light (n, k) as well where that is free."""
+        """Return d (twin, whitened) / d pose (n, 6) of capture i."""
         states = [self._states(i, effects, pose + s * step) for step in steps_of(pose) for s in (1, -1)]
         columns = [(high - low) / (2 * h) for high, low, h in zip(states[::2], states[1::2], POSE_STEP, strict=True)]
         J = self._whitened_states(i, effects, pose, np.stack(columns, axis=-1))
-        J = np.hstack([J, self.by_light(i)])
         J[-len(pose) :] = -np.diag(np.sqrt(self.prior))
         return J
-
-    def by_light(self, i):
-        """Return d (twin, whitened) / d light (n, k) of capture i: k is 0 where the light is declared.
-
-        Always that of the problem's first guess: light moves levels, hardly otherwise by what else the twin has, and the
-        residuals say where a fit ends.
-        """
-        start = self.problem.start_pose(i)
-        if len(start) == N_POSE:
-            return np.zeros((self.whiteners[i].size, 0))
-        if i not in self._by_light:
-            shown = self.predictor.shown(i, self.problem.given, start)
-            columns = [self.whiteners[i].whitened(c) / LIGHT_STEP for c in shown.changes_by_light(LIGHT_STEP)]
-            columns = np.stack(columns, axis=1)
-            columns[-len(start) :] = 0
-            k = columns.shape[1]
-            columns[-k:] = -np.diag(np.sqrt(self.prior[-k:]))
-            self._by_light[i] = columns
-        return self._by_light[i]
 
     def corners_by_pose(self, i, effects, pose):
         """Return d corners / d pose (p, 8 of a plate, 6) of the plates that were measured in capture i."""

@@ -3,9 +3,8 @@
 import numpy as np
 
 from effects import library
-from gap.normal_equations import gains_of_step, normal_equations, without_pose
+from gap.normal_equations import gains_of_step, normal_equations
 from gap.parameters import get_parameter, image_step, prior_equations, priors_of
-from gap.residuals import flatten
 
 
 def start_step(parameter, value):
@@ -25,21 +24,6 @@ def first_order_gains(effects, free, derivatives, groups, nu):
     g, H = g / scale, H / np.outer(scale, scale)
     step = np.linalg.lstsq(H + 1e-6 * np.eye(len(g)), g, rcond=None)[0] / scale
     return gains_of_step(step, derivatives, groups, blocks, nu)
-
-
-def shares_told(free, derivatives, groups, nu):
-    """Return {effect: the largest share of some parameter's information that its captures' poses and light leave}.
-
-    What moves observables as a nuisance of each capture does, and no other way, has 0: such captures cannot show it.
-    """
-    left, all_of_it = np.zeros(len(free)), np.zeros(len(free))
-    for i, (Jt, Jp) in derivatives.items():
-        y = flatten(groups[i])
-        H, _, _ = without_pose(y, Jt, Jp, nu)
-        left += np.diag(H)
-        all_of_it += (Jt * Jt / (1 + y * y / nu)[:, None]).sum(0)
-    share = left / np.maximum(all_of_it, 1e-12)
-    return {name: max(share[k] for k, (n, _) in enumerate(free) if n == name) for name, _ in free}
 
 
 def evidence_of(effects, free, precision):

@@ -14,6 +14,7 @@ from gap.measure.regions import choose_regions
 from gap.predict.predictor import Predictor
 from gap.predict.synthesis import Prints, coverages, ground_points, is_lit, shade
 from gap.score import floors_of
+from gap.solver import Solver
 from gap.split import MOST_CAPTURES
 from rig.geometry import N_POSE, perturb_pose, project
 
@@ -71,7 +72,7 @@ class Case:
     corner_numbers = 8  # of a plate: x and y of its code's corners, the first of its states and features
     state_features = STATE_FEATURES
     nuisances = ()  # effects [(name, parameters)] that every twin has: fitted, never named nor taken out
-    most_captures = MOST_CAPTURES  # that are fitted, and as many that are held out
+    most_captures = most_held_out = MOST_CAPTURES  # that are fitted, that are held out
     draws = True  # images of its captures, which is what takes time
     is_board = False  # photographs of a calibration board, not of a rig
     floor_within = 1.0  # factor to which the floor is known
@@ -79,6 +80,10 @@ class Case:
     _prints: list = field(default_factory=list)
     _geometry: dict = field(default_factory=dict)
     normal_numbers: dict = field(default_factory=dict)  # of each capture and step of image formation, drawn once
+
+    def solver(self, noise_of=(), threads=1):
+        """Return what fits twins to the captures; noise is compared in the captures ``noise_of`` alone."""
+        return Solver(self, noise_of, threads)
 
     def shows(self, effect):
         """Return the start {parameter: value} of an effect that many captures show alike, empty where they show none."""
@@ -92,12 +97,8 @@ class Case:
         return [library.nulls_of(effect) | shown] if shown else library.starts_of(effect)
 
     def start_poses(self):
-        """Return the nuisances (captures, k) from which a fit starts: poses about the nominal ones, and light."""
-        return np.array([self.start_pose(i) for i in range(len(self.captures))])
-
-    def start_pose(self, i):
-        """Return the nuisances (k,) of capture i from which a fit starts."""
-        return np.zeros(len(self.sigma_pose))
+        """Return the poses (captures, 6) from which a fit starts: the nominal ones."""
+        return np.zeros((len(self.captures), len(self.sigma_pose)))
 
     def floors_of(self, groups):
         """Return {group: floor} of captures' residual groups: how far repeats lie apart."""

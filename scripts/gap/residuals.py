@@ -35,9 +35,7 @@ RHO_NOISE = rho_of_noise()
 class Whitener:
     """What turns one capture's residuals into unit-variance ones; made once from the real observation."""
 
-    def __init__(self, capture, with_noise, n_pose=N_POSE):
-        """``n_pose`` counts the capture's nuisances, pose and light."""
-        self.n_pose = n_pose
+    def __init__(self, capture, with_noise):
         o = capture.observation
         self.plates = np.flatnonzero(o.measured)
         s2 = capture.noise_variance
@@ -62,7 +60,7 @@ class Whitener:
     @property
     def size(self):
         """The number of all residuals of the capture."""
-        rest = self.colour_sd.size + len(self.field_sd) + (len(self.noise_sd) if self.with_noise else 0) + self.n_pose
+        rest = self.colour_sd.size + len(self.field_sd) + (len(self.noise_sd) if self.with_noise else 0) + N_POSE
         return len(self.plates) * len(self.floor) + rest
 
     def residuals(self, observation, prediction):
@@ -89,7 +87,7 @@ class Whitener:
         out = _by_group(y, change.colour[k] / self.colour_sd, np.nan_to_num(change.field[self.cells] / self.field_sd))
         if change.noise is not None:
             out["noise"] = np.nan_to_num(change.noise / self.noise_sd)
-        return flatten(out | {"pose": np.zeros(self.n_pose)})
+        return flatten(out | {"pose": np.zeros(N_POSE)})
 
     def whitened_features(self, change):
         """Return what ``whitened`` does (n, m) where plates' features change by (plates that were measured, 19, m) alone."""

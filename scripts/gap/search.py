@@ -10,13 +10,12 @@ import numpy as np
 
 from effects import library, pipeline
 from gap.discrete import Discrete
-from gap.evidence import evidence_of, first_order_gains, shares_told, start_step
+from gap.evidence import evidence_of, first_order_gains, start_step
 from gap.kept import kept
 from gap.normal_equations import gains_of_step, normal_equations
 from gap.parameters import fitted_parameters, is_geometric, spec
 from gap.residuals import GROUPS, NU, flatten, lost_plates, rho, total, width_of
 from gap.score import group_gaps, group_losses
-from gap.solver import Solver
 from gap.split import probes, split_by_station, thinned, usable
 from gap.twin import Candidate, Twin
 
@@ -46,8 +45,9 @@ class Search:
     def __init__(self, problem, candidates=None, fixed=(), split=None, threads=1, store=None):
         self.problem, self.store = problem, store
         train, test = split or split_by_station(problem)
-        self.train, self.test = (thinned(usable(half, problem), problem.most_captures) for half in (train, test))
-        self.solver = Solver(problem, probes(self.train) + probes(self.test), threads)
+        self.train = thinned(usable(train, problem), problem.most_captures)
+        self.test = thinned(usable(test, problem), problem.most_held_out)
+        self.solver = problem.solver(probes(self.train) + probes(self.test), threads)
         names = candidates or library.available_effects()
         self.candidates = [n for n in names if problem.is_board or not library.is_of_boards(n)]
         self.fixed = frozenset(fixed)
@@ -205,13 +205,6 @@ class Search:
             left = [n for n in others if n not in taken]
             taken.append(max(left, key=lambda n: gain_of([*taken, n]).sum()))
         return taken if taken and gain_of(taken).sum() >= enough else []
-
-    def shares_told(self, twin, names):
-        """Return {effect: share of its information that poses and light leave} of effects that a twin has not."""
-        free = [(n, k) for n in names for k in library.fitted_parameters(n) if not spec((n, k)).auxiliary]
-        effects = [*twin.effects, *((n, library.nulls_of(n)) for n in names)]
-        indices, groups, nu = self._probed(twin)
-        return shares_told(free, self.solver.derivatives(effects, free, twin.poses, indices, start_step), groups, nu)
 
     def _prepared_for(self, twin):
         """Return (probes, their derivatives by the twin's parameters), made once for a twin.

@@ -41,7 +41,6 @@ SIGNS = (
 OF_LIGHT = ("light", "black", "light_outwards", "red", "blue")  # what another lamp would change as well
 BLOCK = 8  # pixels, of the codec of most cameras (ITU-T T.81)
 LINEAR = srgb_decode(np.arange(256) / 255).astype(np.float32)  # light of grey levels
-REACH_PX = 24  # about a patch: what effects see
 SPARE = 0.02  # of squared places, in units of the half diagonal: what a slope needs to be told
 SPARE_CURVED = 0.005  # the same of what a plane leaves of them
 FINE_COEFFICIENT = 4  # sum of the orders from which a block's coefficients are of fine detail
@@ -63,6 +62,7 @@ class Photograph:
     codes: object
     plates: np.ndarray
     features: np.ndarray
+    reach_px = 24  # about a patch: what effects see
 
     def fewer(self, most):
         """Return the photograph as so many of its patches show it."""
@@ -72,7 +72,7 @@ class Photograph:
     @cached_property
     def atlas(self):
         """Where the windows about the patches lie in one small image."""
-        return make_atlas(plate_cores(self._corners, self.codes, self.plates), REACH_PX, self._size)
+        return make_atlas(plate_cores(self._corners, self.codes, self.plates), self.reach_px, self._size)
 
     @property
     def _corners(self):
@@ -83,7 +83,7 @@ class Photograph:
 
     @property
     def _size(self):
-        return self.image.shape[1], self.image.shape[0]
+        return self.view.width, self.view.height
 
     @cached_property
     def _classes(self):

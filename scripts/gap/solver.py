@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gap.derivatives import Derivatives, flat
-from gap.normal_equations import errors_of, normal_equations, updated, without_pose
+from gap.normal_equations import errors_of, normal_equations, updated
 from gap.parameters import (
     bounds_of,
     get_parameter,
@@ -21,12 +21,10 @@ from gap.parameters import (
     priors_of,
     with_parameters,
 )
-from gap.residuals import NU, Whitener, flatten, total, width_of
-from rig.geometry import N_POSE
+from gap.residuals import NU, Whitener, total, width_of
 
 STILL_FAR = 0.1  # share of its loss above which a step says that the next one gains as well
 OLDEST_DERIVATIVES = 3  # steps that derivatives serve
-LIGHT_STEPS = 3  # of the light of a held-out capture
 POSE_STEPS = 25  # at most: a mount that was found askew turns held-out cameras by a degree
 DRAWN_AGAIN, NEAR_PX = 3, 0.05  # times that held-out images are drawn, move of corners that is followed without
 
@@ -64,8 +62,8 @@ class Solver:
         self.problem = problem
         self.predictor = problem.predictor(noise_of)
         self.prior = np.where(np.isfinite(problem.sigma_pose), 1 / problem.sigma_pose**2, 0.0)
-        noise_of, n = self.predictor.noise_of, len(self.prior)
-        self.whiteners = [Whitener(c, i in noise_of, n) for i, c in enumerate(problem.captures)]
+        noise_of = self.predictor.noise_of
+        self.whiteners = [Whitener(c, i in noise_of) for i, c in enumerate(problem.captures)]
         self.derivatives_of = Derivatives(problem, self.predictor, self.whiteners, self.prior)
         self.map = ThreadPoolExecutor(threads).map if threads > 1 else map
         self.cost = 0  # predictions and derivatives by images, of one capture each: what a budget counts
@@ -91,7 +89,7 @@ class Solver:
         theta = np.array([get_parameter(effects, f) for f in free])
         null, precision = priors_of(free)
         lower, upper = bounds_of(free)
-        damping, prior = 1e-6, self.prior[:N_POSE]
+        damping, prior = 1e-6, self.prior
         best = np.inf
         for _ in range(iterations):
             H = np.diag(precision)
@@ -113,19 +111,19 @@ class Solver:
                 Jp, Jt = Jp.reshape(y.size, 6), Jt.reshape(y.size, len(free))
                 wJp = weight.reshape(-1, 1) * Jp
                 A = Jp.T @ wJp + np.diag(prior + 1e-9)
-                b = Jp.T @ wy - prior * poses[i, :N_POSE]
+                b = Jp.T @ wy - prior * poses[i]
                 C = wJp.T @ Jt
                 H += Jt.T @ (weight.reshape(-1, 1) * Jt) - C.T @ np.linalg.solve(A, C)
                 g += Jt.T @ wy - C.T @ np.linalg.solve(A, b)
                 blocks.append((i, A, b, C))
-                loss += (prior * poses[i, :N_POSE] ** 2).sum()
+                loss += (prior * poses[i] ** 2).sum()
             d = np.zeros(len(free))
             if len(free):
                 d = np.linalg.solve(H + np.diag(np.diag(H) * damping + 1e-12), g)
                 d = np.clip(theta + d, lower, upper) - theta
             poses = poses.copy()
             for i, A, b, C in blocks:
-                poses[i, :N_POSE] += np.linalg.solve(A, b - C @ d)
+                poses[i] += np.linalg.solve(A, b - C @ d)
             theta = theta + d
             if scale <= 1.0 and abs(best - loss) < 1e-4 * max(loss, 1):
                 break
@@ -279,27 +277,12 @@ class Solver:
             if max(seen, default=0.0) < NEAR_PX:
                 break
             poses = better
-        if len(self.prior) > N_POSE:
-            better = self.fit_light(effects, better, indices)
-            return better, self.residuals_of(effects, better, indices)
         out = {}
         for i in indices:
             features = drawn[i].features.copy()
             features[:, : shifts[i].shape[1]] += shifts[i]
             out[i] = self._residuals(i, better[i], replace(drawn[i], features=features))
         return better, out
-
-    def fit_light(self, effects, poses, indices):
-        """Return poses with the light of each of some captures fitted to what it shows, its pose left where it is."""
-        poses = poses.copy()
-        for _ in range(LIGHT_STEPS):
-            groups = self.residuals_of(effects, poses, indices)
-            nu = NU * width_of(groups) ** 2
-            for i in indices:
-                J = self.derivatives_of.by_light(i)
-                _, _, (A, b, _) = without_pose(flatten(groups[i]), J[:, :0], J, nu)
-                poses[i, N_POSE:] += np.linalg.solve(A, b)
-        return poses
 
     def _corner_shift(self, i, effects, start, end):
         """Return how far the twin's corners (p, 8) move from one pose of capture i to another, pixels."""

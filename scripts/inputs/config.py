@@ -89,8 +89,8 @@ class Diagnose(Settings):
         description="predictions of one capture that a diagnosis may take; some 20 ms each",
     )
     cells: bool = Field(
-        False,
-        description="look at a board's cells (blur, noise, colour) besides its points: on trial, takes a quarter of an hour",
+        True,
+        description="look at a board's cells (blur, noise, colour) besides its points: one to three minutes",
     )
 
 

@@ -1,6 +1,6 @@
 """Every board set of ../shared/real as it is: ``python tests/bench/bench_real_boards.py [SET ...]``. Writes docs/real-photographs.md.
 
-Each set is expanded, registered, observed and diagnosed by its points as the workflow does it. Its left-out photographs are
+Each set is expanded, registered, observed and diagnosed by its points and its cells as the workflow does it. Its left-out photographs are
 also projected by OpenCV's calibration with five coefficients, fitted to the same photographs as the twin. docs/real-photographs.csv
 holds a row a set; without names all are done anew. Figures are recorded (record.py).
 """
@@ -23,14 +23,19 @@ import pandas as pd  # noqa: E402
 
 import job  # noqa: E402
 from case_files import load_measured, load_photographs, read_capture  # noqa: E402
+from describe_files import describe_files  # noqa: E402
 from diagnose_camera import looked_at, telling_record, verdict_record  # noqa: E402
+from diagnose_patches import both_looks, look_at_patches  # noqa: E402
 from effects import library  # noqa: E402
 from expand_tables import expand_tables  # noqa: E402
+from expose_twin import declared_of  # noqa: E402
 from gap.capture_light import photograph_light  # noqa: E402
 from gap.needs import cannot_tell  # noqa: E402
 from gap.select_effects import verdict  # noqa: E402
+from gap.signature import SIGNS  # noqa: E402
 from inputs.campaign import Board, load_campaign  # noqa: E402
 from observe_captures import observe_captures  # noqa: E402
+from observe_patches import observe_patches  # noqa: E402
 from record import record  # noqa: E402
 from register_captures import register_captures  # noqa: E402
 from reporting.sentences import effect_words, or_others, plain  # noqa: E402
@@ -42,6 +47,7 @@ from rig.patches import board_patches  # noqa: E402
 REAL = ROOT.parent / "shared/real"
 TABLE, PAGE = ROOT / "docs/real-photographs.csv", ROOT / "docs/real-photographs.md"
 AT_FLOOR = 1.2  # floors
+MANY = 10_000_000  # predictions that a diagnosis may take
 MOST_DRAWN = 4  # photographs whose grey levels are compared
 COLUMNS = [
     "set",
@@ -51,6 +57,9 @@ COLUMNS = [
     "effects",
     "before",
     "after",
+    "after_points",
+    "edges_off",
+    "noise_off",
     "noise_px",
     "not_told",
     "needs",
@@ -63,9 +72,12 @@ HEAD = """# Real photographs
 
 What the program says of sets of photographs by real cameras that others published, as they are; nobody knows the truth. Made by
 `python tests/bench/bench_real_boards.py` from `../shared/real`, where each set has its source and licence; the table behind it is
-[real-photographs.csv](real-photographs.csv). Points of the boards alone are looked at.
+[real-photographs.csv](real-photographs.csv). Points of the boards are looked at first, then their cells.
 
-- **gap**: of left-out photographs, in floors, with the ideal pinhole and with the effects named ([method](method.md)).
+- **gap**: of left-out photographs, in floors, with the ideal pinhole and with the effects named ([method](method.md)): of points and of
+  what cells show; **of points** alone.
+- **edges off**: by how much the second moment of edges' spread differs between left-out photographs and twins, square pixels, before
+  and after; **noise off**: by which factor their noise does.
 - **left out, over OpenCV**: root mean square of left-out points, over that of OpenCV's calibration with five coefficients, which is
   fitted to the same photographs. Below 1 the twin projects better.
 - **levels off**: root mean square difference, grey levels, of left-out photographs and their twins between the board's outermost
@@ -93,10 +105,22 @@ def diagnosed(name, folder):
         case = load_measured(expand, intrinsics, camera, observations)
     except (InputError, ValueError) as why:
         return row | {"verdict": f"refused: {str(why).rpartition(': ')[2]}"}
-    competing, _ = looked_at(case, sorted(library.available_effects()))
+    competing, unseen = looked_at(case, sorted(library.available_effects()))
     search, base, first, outcome = verdict(case, candidates=competing)
     result = verdict_record(base, first, outcome, dict(case.nuisances))
     result |= telling_record(result["steps"], *cannot_tell(search, outcome.twin, competing))
+    files, patches, points_after = folder / "files.csv", folder / "patches.npz", result["gap"]
+    describe_files(expand / "captures.csv", campaign, camera, files)
+    observe_patches(expand, intrinsics, campaign, camera, observations, patches)
+    of_camera, off = (expand, intrinsics, camera, patches), {"edges": "", "noise": ""}
+    try:
+        closer_search, own, tried, closer, _ = look_at_patches(
+            of_camera, case, outcome, list(unseen), set(), declared_of(files), MANY, 1, None, None
+        )
+        result = both_looks(result, verdict_record(own, tried, closer), base, outcome, own, closer)
+        off = signs_off(closer_search, own, closer.twin)
+    except ValueError as why:
+        result["verdict"] += f" ({why})"
     ours, theirs = left_out_px(search, outcome.twin), opencv_left_out_px(search)
     view = case.captures[0].view
     return row | {
@@ -106,6 +130,9 @@ def diagnosed(name, folder):
         "effects": "; ".join(effect_words(step) + or_others(step) for step in result["steps"]),
         "before": f"{result['gap_as_configured']:.2f}",
         "after": f"{result['gap']:.2f}",
+        "after_points": f"{points_after:.2f}",
+        "edges_off": off["edges"],
+        "noise_off": off["noise"],
         "noise_px": f"{case.noise_px:.3f}",
         "not_told": ", ".join(plain(n) for n in result["not_told"]),
         "needs": "; ".join(sorted({need["text"].partition(": ")[2] for need in result["needs"]})),
@@ -113,6 +140,20 @@ def diagnosed(name, folder):
         **grey_levels_off(search, outcome.twin, expand, intrinsics, campaign),
         "cpu_s": f"{time.process_time() - start:.0f}",
     }
+
+
+def signs_off(search, before, after):
+    """Return {"edges", "noise": words} of how far left-out photographs lie off two Twins of a SignatureCase: the mean of them."""
+    case, of = search.problem, {"edges": ["spread_x", "spread_y"], "noise": ["noise_white", "noise_black"]}
+
+    def off(twin, names):
+        shown = np.array([case.signature(i, list(twin.effects)) for i in search.test])
+        columns = [SIGNS.index(name) for name in names]
+        return float(np.nanmean(np.abs(np.nanmean(case.signs[search.test][:, columns] - shown[:, columns], axis=0))))
+
+    edges, noise = ([off(twin, names) for twin in (before, after)] for names in of.values())
+    factors = [np.exp(v / 2) for v in noise]  # signs of noise are logarithms of variances
+    return {"edges": "{:.3f} / {:.3f}".format(*edges), "noise": "{:.1f} / {:.1f}".format(*factors)}
 
 
 def grey_levels_off(search, twin, expand, intrinsics, campaign):
@@ -203,6 +244,9 @@ def page(table):
             "effects": "the twin lacks",
             "before": "gap before",
             "after": "after",
+            "after_points": "after, of points",
+            "edges_off": "edges off, px2",
+            "noise_off": "noise off, times",
             "noise_px": "a point's noise, px",
             "not_told": "cannot be told",
             "needs": "what would tell",

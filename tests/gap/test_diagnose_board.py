@@ -1,19 +1,23 @@
 """Boards photographed by real cameras: a bent lens is named as such, a straight one is not blamed."""
 
 import json
+from pathlib import Path
 
 import pandas as pd
+import pytest
 
+from describe_files import describe_files
 from diagnose_camera import diagnose_camera
 from effects import library
 from expand_tables import expand_tables
 from observe_captures import observe_captures
+from observe_patches import observe_patches
 from register_captures import register_captures
 from shared_files import shared
 
 
-def verdict_on(campaign, folder, candidates=None):
-    """Return (verdict's record, ladder, table of points' gaps) of a campaign's only camera."""
+def verdict_on(campaign, folder, candidates=None, cells=False):
+    """Return (verdict's record, ladder, table of points' gaps) of a campaign's only camera, its ``cells`` looked at or not."""
     camera = pd.read_csv(campaign / "captures.csv").camera.unique().item()
     expand, intrinsics, observations = folder / "expand", folder / "r.json", folder / "observations.npz"
     expand_tables(campaign, None, camera, expand)
@@ -22,7 +26,12 @@ def verdict_on(campaign, folder, candidates=None):
     candidates = candidates or sorted(library.available_effects())
     out = folder / "out.json", folder / "ladder.csv", folder
     measured = expand, intrinsics, campaign, camera, observations
-    diagnose_camera(*measured, None, [], [], candidates, 60_000, 1, [], [], folder / "kept", *out)
+    of_cells = None, None
+    if cells:
+        of_cells = folder / "patches.npz", folder / "files.csv"
+        observe_patches(*measured, of_cells[0])
+        describe_files(expand / "captures.csv", campaign, camera, of_cells[1])
+    diagnose_camera(*measured, *of_cells, [], [], candidates, 60_000, 1, [], [], folder / "kept", *out)
     return json.loads(out[0].read_text()), pd.read_csv(out[1]), pd.read_parquet(folder / "plates.parquet")
 
 
@@ -49,3 +58,18 @@ def test_what_promised_little_beside_a_strong_lens_is_asked_again(tmp_path):
     verdict, _, _ = verdict_on(shared("real/chess_gopro_wide"), tmp_path, candidates)
     assert [step["effect"] for step in verdict["steps"]] == ["radial_distortion", "principal_point"]
     assert verdict["gap"] < 1.2
+
+
+def test_cells_tell_what_points_cannot(tmp_path):
+    """Fails if the cells of the embedded photographs name nothing, or a lens, or if steps, ladder and gap disagree."""
+    candidates = ["radial_distortion", "sensor_noise", "sharpening", "exposure", "ink_spread"]
+    raw = Path(__file__).resolve().parents[2] / "data/raw/aruco6x6_gridboard"
+    verdict, ladder, _ = verdict_on(raw, tmp_path, candidates, cells=True)
+    assert [step["effect"] for step in verdict["steps"]] == ["sensor_noise"]
+    assert set(verdict["not_looked_at"]) == {"exposure", "ink_spread"}
+    assert verdict["points"]["verdict"] == "adequate" and verdict["points"]["gap"] == verdict["groups"]["corners"]
+    (step,) = verdict["steps"]
+    assert (step["gap_before"], step["gap_after"]) == (verdict["gap_as_configured"], verdict["gap"])
+    assert ladder.effect.tolist() == ["ideal", "sensor_noise"] and ladder.gap.is_monotonic_decreasing
+    assert ladder.gap.tolist() == pytest.approx([verdict["gap_as_configured"], verdict["gap"]])
+    assert (ladder.gap_low < ladder.gap).all() and (ladder.gap < ladder.gap_high).all()

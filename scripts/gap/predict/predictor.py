@@ -26,12 +26,11 @@ from gap.measure.capture import (
     states_of,
     window_classes,
 )
-from gap.measure.plate import LEVELS, N_FEATURES
+from gap.measure.plate import N_FEATURES
 from gap.measure.response import respond
 from gap.predict.synthesis import shade, window_coverages, window_ground_points
 from gap.predict.windows import make_atlas
 from job import seed_of
-from rig.geometry import N_POSE
 
 KEPT = 4000  # predictions, some 20 kB each
 SCENES_KEPT = 12  # windows with all steps of their image formation, 10 to 200 MB each
@@ -137,9 +136,7 @@ class Shown:
         cores = np.concatenate([cores, self.observation.regions[self.regions]])
         reach = pipeline.reach_px(pipeline.left_to_apply(effects))
         self.atlas = make_atlas(cores, reach, (capture.view.width, capture.view.height))
-        self.light = pose[N_POSE:]  # none where it is declared
-        self.unlit = self._unlit(effects)
-        self.radiance = self._lit(self.unlit, self.light)
+        self.radiance = self._radiance(effects)
         self.expected = self._form(self.radiance, effects, None)
         self.noisy = self._form(self.radiance, effects, self._numbers()) if with_noise else None
 
@@ -165,10 +162,6 @@ class Shown:
 
     def _radiance(self, effects):
         """Return the linear radiance (rows, columns, C) of the windows."""
-        return self._lit(self._unlit(effects), self.light)
-
-    def _unlit(self, effects):
-        """Return the radiance as ``_radiance`` does, under declared light alone."""
         problem = self.problem
         view = self.problem.view_of(self.capture, effects, self.pose)
         scene, prints, _ = problem.scene_of(effects)
@@ -189,16 +182,6 @@ class Shown:
                 ground.append(window_ground_points(view, self.atlas, mapping))
             planes.append(shade(scene, view, *covers, ground[0] if ground else None))
         return np.stack(planes, axis=-1).astype(np.float32)
-
-    def _lit(self, radiance, light):
-        """Return the radiance (rows, columns, C) under the capture's own light (k,), of none where k is 0."""
-        return self.problem.lit(radiance, light, *self._ground) if len(light) else radiance
-
-    @cached_property
-    def _ground(self):
-        """World x and y (rows, columns) of the board's plane at the windows' pixels, by exact rays of the pinhole."""
-        view = self.problem.view_of(self.capture, self.effects, self.pose)
-        return window_ground_points(view, self.atlas, None)
 
     def _numbers(self, name="fit noise"):
         seed = seed_of(self.problem.campaign, self.problem.camera, self.capture.view.capture, name)
@@ -258,8 +241,6 @@ class Shown:
             offset = np.tile(self.atlas.offset(k), 4)
             state = states[i].copy()
             state[:8] -= offset
-            if len(self.light):  # under unknown light levels are near the real ones, not near the nominal
-                state[LEVELS] = self.observation.features[i, LEVELS]
             window = np.ascontiguousarray(grey[self.atlas.window(k)])
             features[i], _, measured[i], _ = measure_one(window, state, self.codes, i)
             features[i, :8] += offset
@@ -295,11 +276,6 @@ class Shown:
         """
         same = drawn_key(effects) == drawn_key(self.effects)
         return self._changed(self.radiance if same else self._radiance(effects), effects, by_response)
-
-    def changes_by_light(self, step):
-        """Return the Prediction's changes, a list over the numbers that tell the capture's light, each one ``step`` larger."""
-        more = (self._lit(self.unlit, self.light + step * one) for one in np.eye(len(self.light)))
-        return [self._changed(radiance, self.effects, True) for radiance in more]
 
     def _changed(self, radiance, effects, by_response):
         """Return the Prediction's change where the windows' radiance and the effects become others."""

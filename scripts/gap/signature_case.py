@@ -1,0 +1,285 @@
+"""Photographs of a board as a problem of signatures (gap.signature): how do they differ from what an ideal camera would show?
+
+In each photograph's own pose and light the known cells are drawn; effects are laid on that, never on the photograph. The search
+(gap.search) fits, scores and names as it does by plates: a photograph's signs are its residuals, in units of what photographs
+differ by among themselves.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from effects import library, pipeline
+from effects.encoding import srgb_decode
+from gap.parameters import get_parameter, image_step, with_parameters
+from gap.predict.predictor import Kept
+from gap.predict.synthesis import shade, window_coverages, window_ground_points
+from gap.signature import SIGNS, Photograph
+from gap.signature_changes import MIN_SHOWING
+from gap.solver import Solver
+from job import seed_of
+from rig.light import LIGHT
+
+KEPT = 4000  # signatures
+CLEAR = 5.0  # times what matters
+NO_IMAGE = np.zeros((0, 0, 1), np.uint8)
+OF_GROUP = {  # which group of observables (gap.residuals.GROUPS) a sign belongs to
+    "levels": ("light", "black", "light_outwards"),
+    "edges": ("spread_x", "spread_y", "spread_xy", "overshoot", "ink", "overshoot_outwards"),
+    "colour": ("red", "blue", "red_outwards", "blue_outwards"),
+    "noise": (
+        "noise_white", "noise_black", "noise_across", "noise_coarse", "noise_colour", "blocks", "flat_blocks",
+    ),
+}  # fmt: skip
+LEAST_FLOOR = {  # what signs differ by that no two photographs of a camera agree in: the measurement's own
+    "spread_x": 0.02, "spread_y": 0.02, "spread_xy": 0.03, "overshoot": 0.01, "ink": 0.015, "overshoot_outwards": 0.02,
+    "noise_white": 0.15, "noise_black": 0.15, "noise_across": 0.1, "noise_coarse": 0.1, "noise_colour": 0.2, "blocks": 0.15,
+    "flat_blocks": 0.03, "light": 0.1, "black": 0.02, "light_outwards": 0.03, "red": 0.03, "blue": 0.03,
+    "red_outwards": 0.01, "blue_outwards": 0.01,
+}  # fmt: skip
+MIN_SHARE_OF_LIGHT = 0.95  # of what an effect changes, that another light, exposure or white balance would change alike
+OF_SLOPES = np.array([not name.startswith(("xx", "xy", "yy")) for name in LIGHT])  # a lens's fall-off is no lamp's
+
+
+@dataclass(frozen=True)
+class TwinPhotograph(Photograph):
+    """What an ideal camera shows in a photograph's place: ``draw`` returns the windows' radiance (rows, columns, C) by effects
+    that move colours apart [(name, parameters)]; ``own`` effects the photograph's file declares.
+    """
+
+    reach_px = 8
+    draw: object = None
+    in_colour: bool = True
+    own: tuple = ()
+    drawn: dict = field(default_factory=dict, compare=False)
+
+    def levels(self, effects=(), rng=None):
+        """Return the grey levels (rows, columns, C) of the windows, with effects [(name, parameters)] laid on."""
+        moving = [e for e in effects if library.places_light(e[0])]
+        key = pipeline.key_of(moving)
+        if key not in self.drawn:
+            self.drawn.clear()
+            self.drawn[key] = self.draw(self.atlas, moving)
+        view = replace(self.view, margin=0, windows=self.atlas.windows)
+        formed = pipeline.photometric(self.drawn[key], view, [*effects, *self.own], rng)[: self.atlas.shape[0]]
+        return np.clip(np.rint(formed), 0, 255)
+
+
+def twin_photograph(case, view, given, light, plates, features, in_colour, own=()):
+    """Return the TwinPhotograph of plates (k,), measured as features (k, 19), of a photograph in its LIGHT (11,).
+
+    view is the photograph's, case the gap.photographs.PhotographsCase of the board; given [(name, parameters)] are effects
+    that tell where points land.
+    """
+    capture = replace(case.captures[0], view=view)
+    features = features.copy()
+    features[:, :8] = case.corners_of(capture, given, np.zeros(6))[plates].reshape(-1, 8)
+
+    def draw(atlas, moving):
+        scene, prints, _ = case.scene_of(given)
+        effects, planes = [*given, *moving], []
+        for channel in (0, 1, 2) if pipeline.is_chromatic(effects) else (1,):
+            mapping = None
+            if pipeline.has_geometry(effects):
+
+                def mapping(xy, channel=channel):
+                    return pipeline.map_points(xy, view, effects, channel)
+
+            planes.append(shade(scene, view, *window_coverages(prints, view, atlas, mapping), None))
+        ground = window_ground_points(view, atlas, None)
+        radiance = case.lit(np.stack(planes, axis=-1).astype(np.float32), light, *ground)
+        return radiance if in_colour else radiance[..., 1:2]
+
+    return TwinPhotograph(NO_IMAGE, view, case.codes, plates, features, draw, in_colour, tuple(own))
+
+
+@dataclass
+class Shown:
+    """Which patches a photograph shows: corners (p, 4, 2), measured (p,)."""
+
+    corners: np.ndarray
+    measured: np.ndarray
+
+
+class NumbersOf:
+    """Random numbers of each step of image formation by itself, the same whatever other steps there are."""
+
+    def __init__(self, capture):
+        self.capture = capture
+
+    def of(self, name):
+        """Return the numbers of the step with a name."""
+        return np.random.default_rng(seed_of("laid on", self.capture, name))
+
+
+@dataclass
+class SignatureCase:
+    """Photographs of a board whose signatures are compared with those of their twins.
+
+    captures [gap.problem.Capture], ``observation`` a Shown; twins [TwinPhotograph]; signs (captures, len(SIGNS)) of the real ones
+    """
+
+    campaign: str
+    camera: str
+    captures: list
+    twins: list
+    signs: np.ndarray
+    nuisances = ()
+    most_captures, most_held_out = 4, 10
+    draws = True
+    is_board = True
+    floor_within = 1.0
+    sigma_pose = np.zeros(0)
+
+    def shows(self, effect):
+        """Return the start of an effect that captures show by themselves: none."""
+        return {}
+
+    def starts_of(self, effect):
+        """Return the starts [{parameter: value}] of an effect's fit."""
+        return library.starts_of(effect)
+
+    def start_poses(self):
+        """Return the nuisances (captures, 0): poses and light are known."""
+        return np.zeros((len(self.captures), 0))
+
+    def floors_of(self, groups):
+        """Return {group: floor}: residuals are in floors."""
+        return {}
+
+    def solver(self, noise_of=(), threads=1):
+        """Return the Solver of signatures."""
+        return SignatureSolver(self, threads)
+
+    def signature(self, i, effects):
+        """Return the signs (len(SIGNS),) of capture i's twin with effects [(name, parameters)]."""
+        return self.twins[i].signature(effects, NumbersOf(self.captures[i].view.capture))
+
+    @cached_property
+    def floors(self):
+        """Return (which signs count, their floors): by how much photographs differ from their ideal twins, each otherwise."""
+        off = self.signs - np.array([self.signature(i, []) for i in range(len(self.captures))])
+        counted = np.flatnonzero(np.isfinite(off).mean(0) >= MIN_SHOWING)
+        middle = np.nanmedian(off[:, counted], axis=0)
+        scatter = 1.4826 * np.nanmedian(np.abs(off[:, counted] - middle), axis=0)
+        return counted, np.maximum(scatter, [LEAST_FLOOR[SIGNS[k]] for k in counted])
+
+    def is_like_light(self, effect):
+        """Return whether another gain and stray light of each colour do all that an effect does where it is clearly seen."""
+        return all(_share_of_light(self.twins[0], effect, p) > MIN_SHARE_OF_LIGHT for p in _clear_ones(effect))
+
+
+def _clear_ones(effect):
+    """Return parameters [{name: value}] with which an effect is clearly seen: its starts, or each parameter moved by itself."""
+    nulls, starts = library.nulls_of(effect), library.starts_of(effect)
+    if any(nulls | start != nulls for start in starts):
+        return starts
+    acting = {k: p for k, p in library.parameters_of(effect).items() if not (p.auxiliary or p.is_choice)}
+    return [nulls | {k: nulls[k] + CLEAR * p.matters} for k, p in acting.items()]
+
+
+def _share_of_light(twin, effect, start):
+    """Return the share (0 to 1) of what an effect changes in a twin's linear light that a gain and an offset make up for."""
+    before, after = (srgb_decode(twin.levels(laid) / 255) for laid in ([], [(effect, start)]))
+    changed = left = 0.0
+    for channel in range(after.shape[2]):
+        x, y = before[..., min(channel, before.shape[2] - 1)].ravel(), after[..., channel].ravel()
+        light = np.column_stack([x, np.ones(len(x))])
+        changed += ((y - x) ** 2).sum()
+        left += ((y - light @ np.linalg.lstsq(light, y, rcond=None)[0]) ** 2).sum()
+    return 1 - left / changed if changed > 0 else 0.0
+
+
+class NoPlates:
+    """Stands for the whitener of a capture without plates: nothing is shared by them."""
+
+    plates, floor = np.zeros(0, int), np.zeros(1)
+
+    def __init__(self, size):
+        self.size = size
+
+    def whitened_features(self, change):
+        """Return zeros: no plate's feature changes."""
+        return np.zeros((self.size, 1))
+
+
+class SignatureSolver(Solver):
+    """Fits lists of effects to signatures: there is no geometry and no pose to fit, and derivatives are differences."""
+
+    def __init__(self, problem, threads=1):
+        self.problem, self.prior = problem, np.zeros(0)
+        counted, self.floor = problem.floors
+        names = [SIGNS[k] for k in counted]
+        self.counted = counted
+        self.groups = {g: np.flatnonzero(np.isin(names, of)) for g, of in OF_GROUP.items()}
+        self.order = np.concatenate(list(self.groups.values()))
+        self.whiteners = [NoPlates(len(counted)) for _ in problem.captures]
+        self.map = ThreadPoolExecutor(threads).map if threads > 1 else map
+        self.cost, self._kept = 0, Kept(KEPT)
+
+    def shown(self, i, effects):
+        """Return the counted signs of capture i's twin in floors, in the order of residuals."""
+        key = i, pipeline.key_of(effects)
+        signs = self._kept.of(key, lambda: self.problem.signature(i, list(effects)))
+        return (signs[self.counted] / self.floor)[self.order]
+
+    def residuals(self, i, effects, pose):
+        """Return the residual groups of capture i for a list of effects."""
+        real = (self.problem.signs[i][self.counted] / self.floor)[self.order]
+        off, out, at = np.nan_to_num(real - self.shown(i, effects)), {"corners": np.zeros((0, 2))}, 0
+        for name, members in self.groups.items():
+            out[name] = off[at : at + len(members)]
+            at += len(members)
+        return out | {"pose": np.zeros(0)}
+
+    def residuals_towards(self, i, effects, others, pose):
+        """Return the residual groups of capture i where a list of effects becomes others."""
+        return self.residuals(i, others, pose)
+
+    def no_offsets(self):
+        """Return what geometry needs: nothing."""
+        return []
+
+    def offsets_of(self, effects, poses, indices):
+        """Return what geometry needs: nothing."""
+        return []
+
+    def fit_geometry(self, effects, free, poses, *_, **__):
+        """Return (effects, poses) as they are."""
+        return effects, poses
+
+    def derivatives(self, effects, free, poses, train, step_of=None):
+        """Return {i: (d (twin, in floors) by the free parameters (n, k), nothing (n, 0))}."""
+        self.cost += len(train) * (1 + len(free))
+        step_of = step_of or image_step
+
+        def of(i):
+            here, columns = self.shown(i, effects), []
+            for f in free:
+                value = get_parameter(effects, f)
+                h = step_of(f, value)
+                columns.append((self.shown(i, with_parameters(effects, [f], [value + h])) - here) / h)
+            J = np.nan_to_num(np.array(columns).reshape(len(free), len(here)).T)
+            return J, np.zeros((len(here), 0))
+
+        return self.each(of, train)
+
+    def ways(self, effects, others, poses, indices):
+        """Return derivatives by one parameter that goes from a list of effects (0) to others (1)."""
+        self.cost += len(indices)
+
+        def way(i):
+            here = self.shown(i, effects)
+            return np.nan_to_num(self.shown(i, others) - here)[:, None], np.zeros((len(here), 0))
+
+        return self.each(way, indices)
+
+    def score(self, effects, poses, indices):
+        """Return (poses, {i: residual groups}) of captures."""
+        return poses, self.residuals_of(effects, poses, indices)
+
+    def own_scatter(self, i, effects, pose):
+        """Return what a twin's own captures scatter by: floors hold it already."""
+        return {}

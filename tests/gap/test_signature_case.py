@@ -1,0 +1,135 @@
+"""Photographs of a board against their twins: drawn three times finer, effects laid on by the trials' generator, own light."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from drawn_board import BOARD, K, board_case, light_of, on_board
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "bench"))
+
+from diagnose_patches import LIKE_LIGHT, competing  # noqa: E402
+from effects import library, pipeline  # noqa: E402
+from gap.capture_light import photograph_light  # noqa: E402
+from gap.photographs import expected_corners, spread_out  # noqa: E402
+from gap.problem import Capture  # noqa: E402
+from gap.select_effects import verdict  # noqa: E402
+from gap.signature import SIGNS, Photograph  # noqa: E402
+from gap.signature_case import OF_GROUP, OF_SLOPES, Shown, SignatureCase, twin_photograph  # noqa: E402
+from generator import nominal, optics, processing, sensor  # noqa: E402
+from generator.photographs import Retaken  # noqa: E402
+from rig.geometry import project  # noqa: E402
+
+FEW = [
+    "lens_blur",
+    "motion_blur",
+    "sensor_noise",
+    "sharpening",
+    "denoising",
+    "jpeg_compression",
+    "vignetting",
+    "exposure",
+]
+NOISE = {"full_well_e": 3000.0, "read_noise_e": 12.0}
+POINTS = np.array([[(i + 1) * 0.03, (6 - j) * 0.03, 0] for j in range(6) for i in range(8)])
+
+
+def taken(case, k, effects):
+    """Return the 8-bit photograph (H, W, 3) of capture k by the generator's camera with some of its effects."""
+    view, fine = case.captures[k].view, optics.FINE
+    camera = nominal.Camera("camera", view.width, view.height, view.K[0, 0])
+    retaken = Retaken(camera, effects, "test")
+    m, finer = retaken.margin, view.K.copy()
+    finer[:2, :2] *= fine
+    finer[:2, 2] = (view.K[:2, 2] + 0.5) * fine - 0.5
+    v = replace(view, K=finer, width=view.width * fine, height=view.height * fine, margin=m * fine)
+    radiance = case.radiance_of(replace(case.captures[k], view=v), [], np.zeros(6))
+    x, y = np.meshgrid(*(np.arange(-m * fine, n + m * fine) for n in (v.width, v.height)))
+    lit = case.lit(radiance, light_of(k), *on_board(v, x, y))
+    pixels = np.stack([retaken._on_pixels(np.ascontiguousarray(lit[..., c])) for c in range(3)], axis=-1)
+    pixels = optics.stray_light(pixels, camera, effects, m)[m : m + view.height, m : m + view.width]
+    own = nominal.rng_of("test", str(k))
+    encoded = sensor.read_out(pixels, camera, effects, nominal.rng_of("sensor", "test"), own)
+    return processing.process(encoded, effects, retaken.order)
+
+
+def signatures_of(effects, number=10):
+    """Return the SignatureCase of so many photographs by a camera with some of the generator's effects."""
+    case = board_case(number)
+    free, captures, twins, signs = OF_SLOPES, [], [], []
+    for k, capture in enumerate(case.captures):
+        image, view = taken(case, k, effects), capture.view
+        pixels = project(K, view.T_cam_world, POINTS)
+        plates, features = case.patches_seen(image.astype(np.float32), expected_corners(POINTS, pixels, case.patches))
+        light = photograph_light(image.astype(np.float32), case.scene, POINTS, pixels, case.codes.lut, free)
+        photograph = Photograph(image, view, case.codes, plates, features).fewer(6)
+        corners, seen = np.zeros((len(case.patches), 4, 2)), np.zeros(len(case.patches), bool)
+        corners[photograph.plates], seen[photograph.plates] = photograph.features[:, :8].reshape(-1, 4, 2), True
+        captures.append(Capture(view, 1, Shown(corners, seen)))
+        twins.append(twin_photograph(case, view, [], light, photograph.plates, photograph.features, True))
+        signs.append(photograph.signature())
+    return SignatureCase("c", "camera", captures, twins, np.array(signs))
+
+
+def test_an_ideal_cameras_photographs_are_adequate():
+    """Fails if what the twin leaves out of its drawing, a place or a light, passes for a camera's effect."""
+    _, base, _, outcome = verdict(signatures_of({}), candidates=FEW)
+    assert (outcome.steps, outcome.verdict) == ((), "adequate") and base.gap < 1
+
+
+def test_noise_and_sharpening_are_named_and_measured():
+    """Fails if one passes for the other, if a third is named beside them, or if sizes are not those that were laid on."""
+    laid = {"sensor_noise": NOISE, "sharpening": {"amount": 0.7, "sigma_px": 0.85}}
+    _, base, _, outcome = verdict(signatures_of(laid), candidates=FEW)
+    assert sorted(step.effect for step in outcome.steps) == ["sensor_noise", "sharpening"]
+    assert outcome.verdict == "explained" and outcome.twin.gap < 1 < base.gap
+    found = dict(outcome.twin.effects)
+    assert found["sharpening"]["amount"] == pytest.approx(0.7, rel=0.15)
+    assert found["sensor_noise"]["gain_dn_per_e"] == pytest.approx(255 / 3000, rel=0.25)
+
+
+def test_what_each_photographs_own_light_does_as_well_does_not_compete():
+    """Fails if exposure or colours are offered as effects of photographs whose light nobody declared, or a blur is not."""
+    case = signatures_of({}, 6)
+    names, why = competing(
+        case, ["exposure", "colour_balance", "lens_blur", "fixed_pattern_noise", "marker_scale"], {"lens_blur"}
+    )
+    assert names == [] and {n for n, reason in why.items() if reason == LIKE_LIGHT} == {"exposure", "colour_balance"}
+    assert competing(case, ["exposure", "lens_blur"], set())[0] == ["lens_blur"]
+
+
+def test_every_sign_belongs_to_one_group():
+    """Fails if a new sign is in no residual, or counts twice."""
+    assert sorted(name for of in OF_GROUP.values() for name in of) == sorted(SIGNS)
+
+
+def test_the_same_effects_give_the_same_signature():
+    """Fails if noise is drawn anew at each look, so that a fit chases its own dice, or changes with what else is laid on."""
+    case, noise = signatures_of({}, 6), [("sensor_noise", library.starts_of("sensor_noise")[0])]
+    first = case.signature(0, noise)
+    np.testing.assert_array_equal(first, case.signature(0, noise))
+    blurred = case.signature(0, [("lens_blur", library.nulls_of("lens_blur") | {"sigma_px": 1e-3}), *noise])
+    np.testing.assert_allclose(blurred, first, atol=0.05)
+
+
+def test_patches_are_expected_where_the_points_say():
+    """Fails if a lens or a slanting view leads patches away from where a board's points are."""
+    case = board_case(1)
+    view = case.captures[0].view
+    bent = [("radial_distortion", library.nulls_of("radial_distortion") | {"k1": -0.2})]
+    pixels = pipeline.map_points(project(K, view.T_cam_world, POINTS), view, bent)
+    truth = pipeline.map_points(project(K, view.T_cam_world, case.corners).reshape(-1, 2), view, bent)
+    off = expected_corners(POINTS, pixels, case.patches).reshape(-1, 2) - truth
+    assert np.abs(off).max() < 0.5
+    assert np.isnan(expected_corners(POINTS, np.full_like(pixels, np.nan), case.patches)).all()
+    assert BOARD.columns * BOARD.rows == len(POINTS)
+
+
+def test_patches_that_are_looked_at_are_spread_over_the_board():
+    """Fails if a photograph is judged by one end of the board."""
+    places = np.stack([*np.meshgrid(np.arange(10.0), np.arange(10.0)), np.zeros((10, 10))], -1).reshape(-1, 3)
+    chosen = places[spread_out(places, np.arange(100), 5)]
+    assert np.ptp(chosen, axis=0)[:2].tolist() == [9, 9]
+    assert spread_out(places, np.arange(3), 5).tolist() == [0, 1, 2]
