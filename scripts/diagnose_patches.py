@@ -32,7 +32,7 @@ def look_at_patches(files, points, outcome, candidates, fixed, declared, budget,
     case = load_patches(*files, points, outcome.twin, declared)
     configured = [(n, p) for n, p in outcome.twin.effects if n in candidates_of([n], in_colour=True)]
     names, why = competing(case, candidates, {name for effects in declared.values() for name, _ in effects})
-    return *verdict(case, configured, names, fixed, budget // AS_MANY, threads, progress, store), why
+    return *verdict(case, configured, names, fixed, budget / AS_MANY / case.effort, threads, progress, store), why
 
 
 def competing(case, names, declared):
@@ -71,6 +71,7 @@ def both_looks(first, second, base, outcome, own, closer):
         "candidates": _numbered(first["candidates"], second["candidates"]),
         "candidates_left": _numbered(first["candidates_left"], second["candidates_left"]),
         "within_budget": first["within_budget"] and second["within_budget"],
+        "where": [] if first["verdict"] == "adequate" else first["where"],  # it is told of points
         "points": {k: first[k] for k in ("verdict", "gap", "gap_se", "gap_as_configured", "groups")},
     }
 

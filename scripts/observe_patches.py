@@ -10,10 +10,10 @@ import numpy as np
 from tqdm import tqdm
 
 import job
-from case_files import PATCHES, load_views, save_patches
+from case_files import MIN_PATCHES, PATCHES, load_views, save_patches
 from gap.capture_light import photograph_light
 from gap.problem import encoding_table
-from gap.signature_case import OF_SLOPES
+from gap.signature_case import OF_SLOPES, USUAL_PX
 from inputs.scene import load_scene
 from photograph_changes import PhotographSet
 from rig.light import LIGHT, free_numbers
@@ -33,7 +33,7 @@ def observe_patches(expand, register_json, campaign, camera, observations, out):
     lights, fewer = np.full((len(views), len(LIGHT)), np.nan), []
     work = list(zip(photographs, pixels, strict=True))
     for k, (photograph, xy) in enumerate(tqdm(work, desc=f"observing {camera}", unit="image", mininterval=5)):
-        fewer.append(photograph.fewer(PATCHES))
+        fewer.append(some_patches(photograph))
         try:
             lights[k] = photograph_light(photograph.image.astype(np.float32), scene, points, xy, lut, free)
         except ValueError as why:
@@ -43,6 +43,14 @@ def observe_patches(expand, register_json, campaign, camera, observations, out):
     log.info(
         "%s: %d patches of the board measured in %d photographs", camera, sum(len(p.plates) for p in fewer), len(fewer)
     )
+
+
+def some_patches(photograph):
+    """Return a gap.signature.Photograph as PATCHES of its patches show it, fewer where these are large: pixels take the time."""
+    some = photograph.fewer(PATCHES)
+    if len(some.plates) <= MIN_PATCHES:
+        return some
+    return photograph.fewer(max(MIN_PATCHES, min(PATCHES, int(PATCHES * USUAL_PX / np.prod(some.atlas.shape)))))
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ from job import seed_of
 from rig.light import LIGHT
 
 KEPT = 4000  # signatures
+USUAL_PX = 120_000  # of a photograph's windows
 CLEAR = 5.0  # times what matters
 NO_IMAGE = np.zeros((0, 0, 1), np.uint8)
 OF_GROUP = {  # which group of observables (gap.residuals.GROUPS) a sign belongs to
@@ -156,6 +157,11 @@ class SignatureCase:
     def signature(self, i, effects):
         """Return the signs (len(SIGNS),) of capture i's twin with effects [(name, parameters)]."""
         return self.twins[i].signature(effects, NumbersOf(self.captures[i].view.capture))
+
+    @property
+    def effort(self):
+        """How many times as many pixels as usual a photograph's windows have, at least 1: so much longer a signature takes."""
+        return max(1.0, float(np.median([np.prod(twin.atlas.shape) for twin in self.twins])) / USUAL_PX)
 
     @cached_property
     def floors(self):

@@ -1,25 +1,21 @@
 """Photographs of a board against their twins: drawn three times finer, effects laid on by the trials' generator, own light."""
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from drawn_board import BOARD, K, board_case, light_of, on_board
+from drawn_board import BOARD, K, board_case
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "bench"))
 
 from diagnose_patches import LIKE_LIGHT, competing  # noqa: E402
 from effects import library, pipeline  # noqa: E402
-from gap.capture_light import photograph_light  # noqa: E402
 from gap.photographs import expected_corners, spread_out  # noqa: E402
-from gap.problem import Capture  # noqa: E402
 from gap.select_effects import verdict  # noqa: E402
-from gap.signature import SIGNS, Photograph  # noqa: E402
-from gap.signature_case import OF_GROUP, OF_SLOPES, Shown, SignatureCase, twin_photograph  # noqa: E402
-from generator import nominal, optics, processing, sensor  # noqa: E402
-from generator.photographs import Retaken  # noqa: E402
+from gap.signature import SIGNS  # noqa: E402
+from gap.signature_case import OF_GROUP  # noqa: E402
+from retaken_board import POINTS, signatures_of  # noqa: E402
 from rig.geometry import project  # noqa: E402
 
 FEW = [
@@ -33,44 +29,6 @@ FEW = [
     "exposure",
 ]
 NOISE = {"full_well_e": 3000.0, "read_noise_e": 12.0}
-POINTS = np.array([[(i + 1) * 0.03, (6 - j) * 0.03, 0] for j in range(6) for i in range(8)])
-
-
-def taken(case, k, effects):
-    """Return the 8-bit photograph (H, W, 3) of capture k by the generator's camera with some of its effects."""
-    view, fine = case.captures[k].view, optics.FINE
-    camera = nominal.Camera("camera", view.width, view.height, view.K[0, 0])
-    retaken = Retaken(camera, effects, "test")
-    m, finer = retaken.margin, view.K.copy()
-    finer[:2, :2] *= fine
-    finer[:2, 2] = (view.K[:2, 2] + 0.5) * fine - 0.5
-    v = replace(view, K=finer, width=view.width * fine, height=view.height * fine, margin=m * fine)
-    radiance = case.radiance_of(replace(case.captures[k], view=v), [], np.zeros(6))
-    x, y = np.meshgrid(*(np.arange(-m * fine, n + m * fine) for n in (v.width, v.height)))
-    lit = case.lit(radiance, light_of(k), *on_board(v, x, y))
-    pixels = np.stack([retaken._on_pixels(np.ascontiguousarray(lit[..., c])) for c in range(3)], axis=-1)
-    pixels = optics.stray_light(pixels, camera, effects, m)[m : m + view.height, m : m + view.width]
-    own = nominal.rng_of("test", str(k))
-    encoded = sensor.read_out(pixels, camera, effects, nominal.rng_of("sensor", "test"), own)
-    return processing.process(encoded, effects, retaken.order)
-
-
-def signatures_of(effects, number=10):
-    """Return the SignatureCase of so many photographs by a camera with some of the generator's effects."""
-    case = board_case(number)
-    free, captures, twins, signs = OF_SLOPES, [], [], []
-    for k, capture in enumerate(case.captures):
-        image, view = taken(case, k, effects), capture.view
-        pixels = project(K, view.T_cam_world, POINTS)
-        plates, features = case.patches_seen(image.astype(np.float32), expected_corners(POINTS, pixels, case.patches))
-        light = photograph_light(image.astype(np.float32), case.scene, POINTS, pixels, case.codes.lut, free)
-        photograph = Photograph(image, view, case.codes, plates, features).fewer(6)
-        corners, seen = np.zeros((len(case.patches), 4, 2)), np.zeros(len(case.patches), bool)
-        corners[photograph.plates], seen[photograph.plates] = photograph.features[:, :8].reshape(-1, 4, 2), True
-        captures.append(Capture(view, 1, Shown(corners, seen)))
-        twins.append(twin_photograph(case, view, [], light, photograph.plates, photograph.features, True))
-        signs.append(photograph.signature())
-    return SignatureCase("c", "camera", captures, twins, np.array(signs))
 
 
 def test_an_ideal_cameras_photographs_are_adequate():

@@ -1,6 +1,7 @@
 """What photographs cannot tell is said with what a photographer can do about it."""
 
 from reporting.sentences import verdict_words
+from rig.words import with_error
 
 STEP = {
     "effect": "pixel_aspect", "parameters": {"ratio": {"value": 1.006, "se": 0.001}}, "gap_before": 1.7, "gap_after": 0.95,
@@ -17,3 +18,8 @@ def test_names_that_cannot_be_told_apart_and_what_would_tell_them():
     assert f"To tell print stretch and board bend: {ROLL}." in said
     assert "cannot tell it apart" not in said
     assert said.count(ROLL) == 1
+
+
+def test_an_error_of_nothing_but_rounding_is_no_error():
+    """Fails if a parameter that no fit moved is told to seventeen digits."""
+    assert [with_error(0.4, 3.4e-17), with_error(0.0, 3.6e-16), with_error(0.4, 0.02)] == ["0.4", "0", "0.400 ± 0.020"]
