@@ -39,8 +39,11 @@ def find_changes(before, after, campaigns, camera, candidates, threads, out, out
         PhotographSet(campaign, Path(p[0]).parent, before[1], p[2])
         for campaign, p in zip(campaigns, (before, after), strict=True)
     ]
+    effects = effects_of(*alone)
+    if sets[0].board:  # points start from what moves them
+        effects = [(name, p) for name, p in effects if library.is_pure_geometry(name)]
     try:
-        found = what_changed(sets, camera, effects_of(*alone), candidates, threads)
+        found = what_changed(sets, camera, effects, candidates, threads)
     except ValueError as why:
         raise InputError(f"{campaigns[1]} against {campaigns[0]}, camera {camera}: {why}") from None
     if signatures_first(found):
