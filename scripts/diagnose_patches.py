@@ -19,7 +19,7 @@ OF_THE_SCENE = "the board's print and its light are taken as each photograph sho
 NO_COLOURS = "the photographs have no colours"
 DECLARED = "the photographs' files say it themselves"
 RESAMPLES = 400
-AS_MANY = 30  # predictions of points take no longer than one of a signature
+AS_MANY = 15  # predictions of points take no longer than one of a signature
 
 
 def look_at_patches(files, points, outcome, candidates, fixed, declared, budget, threads, progress, store):

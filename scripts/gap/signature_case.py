@@ -23,7 +23,7 @@ from job import seed_of
 from rig.light import LIGHT
 
 KEPT = 4000  # signatures
-USUAL_PX = 120_000  # of a photograph's windows
+USUAL_PX = 200_000  # of a photograph's windows
 CLEAR = 5.0  # times what matters
 NO_IMAGE = np.zeros((0, 0, 1), np.uint8)
 OF_GROUP = {  # which group of observables (gap.residuals.GROUPS) a sign belongs to
