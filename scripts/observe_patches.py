@@ -13,12 +13,13 @@ import job
 from case_files import MIN_PATCHES, PATCHES, load_views, save_patches
 from gap.capture_light import photograph_light
 from gap.problem import encoding_table
-from gap.signature_case import OF_SLOPES, USUAL_PX
+from gap.signature_case import OF_SLOPES
 from inputs.scene import load_scene
 from photograph_changes import PhotographSet
 from rig.light import LIGHT, free_numbers
 
 log = logging.getLogger("twingap")
+MOST_PX = 400_000  # of the windows about a photograph's patches, unless MIN_PATCHES have more
 
 
 def observe_patches(expand, register_json, campaign, camera, observations, out):
@@ -50,7 +51,7 @@ def some_patches(photograph):
     some = photograph.fewer(PATCHES)
     if len(some.plates) <= MIN_PATCHES:
         return some
-    return photograph.fewer(max(MIN_PATCHES, min(PATCHES, int(PATCHES * USUAL_PX / np.prod(some.atlas.shape)))))
+    return photograph.fewer(max(MIN_PATCHES, min(PATCHES, int(PATCHES * MOST_PX / np.prod(some.atlas.shape)))))
 
 
 if __name__ == "__main__":
