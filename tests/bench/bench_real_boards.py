@@ -284,6 +284,7 @@ def main():
     given = parser.parse_args()
     logging.disable()
     old = pd.read_csv(TABLE, dtype=str, keep_default_na=False) if TABLE.is_file() else pd.DataFrame(columns=COLUMNS)
+    old = old.reindex(columns=COLUMNS, fill_value="")
     for name in given.names or board_sets():
         with tempfile.TemporaryDirectory() as folder:
             row = diagnosed(name, Path(folder))
