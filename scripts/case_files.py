@@ -13,8 +13,8 @@ from gap.measure.capture import Codes, Observation, read_rgb
 from gap.measure.plate import N_FEATURES
 from gap.photographs import photographs_case
 from gap.problem import MARGIN_PX, Capture, Case, encoding_table
-from gap.signature_case import Shown, SignatureCase, twin_photograph
-from gap.signature_changes import candidates_of
+from gap.signature_case import SignatureCase, seen_patches, twin_photograph
+from gap.signature_changes import can_be_laid_on
 from inputs import tables
 from inputs.campaign import Board
 from inputs.images import read_image
@@ -148,16 +148,14 @@ def load_patches(expand, register_json, camera, patches, points, twin, declared)
     usable = ((arrays["plates"] >= 0).sum(1) >= MIN_PATCHES) & np.isfinite(arrays["lights"]).all(1)
     if usable.sum() < MIN_PHOTOGRAPHS:
         raise ValueError("too few photographs show the board's cells, white and black, at a size that can be measured")
-    given = [(n, p) for n, p in twin.effects if n not in candidates_of([n], in_colour=True)]
+    given = [(n, p) for n, p in twin.effects if not can_be_laid_on(n)]
     captures, twins = [], []
     for i in np.flatnonzero(usable):
         theirs = points.captures[i].view
         view = replace(theirs, T_cam_world=perturb_pose(theirs.T_cam_world, twin.poses[i]))
         kept = arrays["plates"][i] >= 0
         plates, features = arrays["plates"][i][kept], arrays["features"][i][kept]
-        corners, measured = np.zeros((len(drawn.patches), 4, 2)), np.zeros(len(drawn.patches), bool)
-        corners[plates], measured[plates] = features[:, :8].reshape(-1, 4, 2), True
-        captures.append(Capture(view, points.captures[i].trial, Shown(corners, measured)))
+        captures.append(Capture(view, points.captures[i].trial, seen_patches(len(drawn.patches), plates, features)))
         in_colour = bool(arrays["channels"][i] > 1)
         own = declared.get(view.capture, ())
         twins.append(twin_photograph(drawn, view, given, arrays["lights"][i], plates, features, in_colour, own))

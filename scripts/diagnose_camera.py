@@ -21,10 +21,10 @@ import pandas as pd
 
 import job
 from case_files import load_measured, read_capture
-from diagnose_patches import both_looks, look_at_patches, rows_of_both
+from declared_effects import declared_of
+from diagnose_patches import both_looks, gaps_on_the_way, look_at_patches, rows_of_both
 from effects import library
 from effects.contract import available_effects
-from expose_twin import declared_of
 from gap import ladder
 from gap.board import scales_alone, seen_by_points
 from gap.needs import cannot_tell
@@ -209,9 +209,10 @@ def with_cells(result, rows, base, outcome, not_looked_at, look):
         _, own, tried, closer, hidden = look()
     except ValueError as why:
         return result | {"not_looked_at": dict.fromkeys(not_looked_at, str(why)) | result["not_looked_at"]}, rows
-    both = base, outcome, own, closer
-    rows = rows_of_both(rows, f"{result['campaign']}/{result['camera']}", *both)
-    result = both_looks(result, verdict_record(own, tried, closer), *both)
+    gaps = gaps_on_the_way(base, outcome, own, closer)
+    steps = [step.effect for step in closer.steps]
+    rows = rows_of_both(rows, f"{result['campaign']}/{result['camera']}", steps, gaps)
+    result = both_looks(result, verdict_record(own, tried, closer), gaps)
     unseen = {n: why for n, why in not_looked_at.items() if library.is_pure_geometry(n)}
     return result | {"not_looked_at": hidden | unseen}, rows
 

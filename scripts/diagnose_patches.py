@@ -8,9 +8,10 @@ import numpy as np
 
 from case_files import load_patches
 from effects import library
-from gap.score import gap_error, group_gaps
+from gap.ladder import RESAMPLES
+from gap.score import gap_error, group_gaps, root_mean_square
 from gap.select_effects import verdict
-from gap.signature_changes import candidates_of
+from gap.signature_changes import can_be_laid_on
 from job import seed_of
 
 ONLY_REPEATS = "only repeats of a station would tell it from noise"
@@ -18,8 +19,7 @@ LIKE_LIGHT = "each photograph's own light, exposure and white balance would show
 OF_THE_SCENE = "the board's print and its light are taken as each photograph shows them"
 NO_COLOURS = "the photographs have no colours"
 DECLARED = "the photographs' files say it themselves"
-RESAMPLES = 400
-AS_MANY = 15  # predictions of points take no longer than one of a signature
+PREDICTIONS_EACH = 15  # of a budget, that one of a signature counts for
 
 
 def look_at_patches(files, points, outcome, candidates, fixed, declared, budget, threads, progress, store):
@@ -30,15 +30,17 @@ def look_at_patches(files, points, outcome, candidates, fixed, declared, budget,
     Raises ValueError where too little of the board can be measured.
     """
     case = load_patches(*files, points, outcome.twin, declared)
-    configured = [(n, p) for n, p in outcome.twin.effects if n in candidates_of([n], in_colour=True)]
+    configured = [(n, p) for n, p in outcome.twin.effects if can_be_laid_on(n)]
     names, why = competing(case, candidates, {name for effects in declared.values() for name, _ in effects})
-    return *verdict(case, configured, names, fixed, budget / AS_MANY / case.effort, threads, progress, store), why
+    return *verdict(
+        case, configured, names, fixed, budget / PREDICTIONS_EACH / case.effort, threads, progress, store
+    ), why
 
 
 def competing(case, names, declared):
     """Return (names of effects that can compete, {name: why it does not} of the others) of a SignatureCase."""
     in_colour = all(twin.in_colour for twin in case.twins)
-    why = {n: OF_THE_SCENE for n in names if n not in candidates_of(names, in_colour=True)}
+    why = {n: OF_THE_SCENE for n in names if not can_be_laid_on(n)}
     why |= {n: NO_COLOURS for n in names if library.needs_colour(n) and not in_colour}
     why |= {n: DECLARED for n in declared if n in names}
     why |= {n: ONLY_REPEATS for n in names if library.needs_repeats(n)}
@@ -46,15 +48,8 @@ def competing(case, names, declared):
     return [n for n in names if n not in why], why
 
 
-def both_looks(first, second, base, outcome, own, closer):
-    """Return the record of both looks, ``first`` of the points and ``second`` of the patches.
-
-    base Twin and Outcome ``outcome`` are of the points, ``own`` and ``closer`` of the patches.
-    """
-    gaps = [
-        Gap(points, outcome.twin.floors, patches, closer.twin.floors)
-        for points, patches in ways(base, outcome, own, closer)
-    ]
+def both_looks(first, second, gaps):
+    """Return the record of both looks, ``first`` of the points and ``second`` of the patches, with the ``gaps_on_the_way``."""
     told = [
         record | {"gap_before": before.value, "gap_after": after.value, "gap_after_se": after.error}
         for record, before, after in zip([*first["steps"], *second["steps"]], gaps[:-1], gaps[1:], strict=True)
@@ -76,11 +71,15 @@ def both_looks(first, second, base, outcome, own, closer):
     }
 
 
-def ways(base, outcome, own, closer):
-    """Return [(held-out groups of points, of patches)]: as configured, and after each step of the points, then of the patches."""
+def gaps_on_the_way(base, outcome, own, closer):
+    """Return the Gaps of the twin as configured, and after each step of the points, then of the patches.
+
+    base Twin and Outcome ``outcome`` are of the points, ``own`` and ``closer`` of the patches.
+    """
     of_points = [base.groups, *(step.twin.groups for step in outcome.steps)]
     of_patches = [own.groups, *(step.twin.groups for step in closer.steps)]
-    return [(groups, of_patches[0]) for groups in of_points] + [(of_points[-1], groups) for groups in of_patches[1:]]
+    way = [(groups, of_patches[0]) for groups in of_points] + [(of_points[-1], groups) for groups in of_patches[1:]]
+    return [Gap(points, outcome.twin.floors, patches, closer.twin.floors) for points, patches in way]
 
 
 class Gap:
@@ -93,12 +92,12 @@ class Gap:
     @property
     def value(self):
         """The gap."""
-        return _root_mean_square(self.groups)
+        return root_mean_square(self.groups.values())
 
     @property
     def error(self):
         """Its standard error: those of both looks by themselves."""
-        sums = [len(g := group_gaps(*look)) * _root_mean_square(g) * gap_error(*look) for look in self.looks]
+        sums = [len(g := group_gaps(*look)) * root_mean_square(g.values()) * gap_error(*look) for look in self.looks]
         return float(np.hypot(*sums) / (len(self.groups) * self.value))
 
     def interval(self, seed):
@@ -109,33 +108,22 @@ class Gap:
             for found, floors in self.looks:
                 drawn = rng.choice(list(found), len(found))
                 groups |= group_gaps({n: found[k] for n, k in enumerate(drawn)}, floors)
-            draws.append(_root_mean_square(groups))
+            draws.append(root_mean_square(groups.values()))
         return tuple(float(v) for v in np.percentile(draws, [2.5, 97.5]))
 
 
-def _root_mean_square(groups):
-    return float(np.sqrt(np.mean([v**2 for v in groups.values()])))
+def rows_of_both(rows, name, steps, gaps):
+    """Return the ladder's rows of the points, and one for each of ``steps``, names of effects that patches showed.
 
-
-def rows_of_both(rows, name, base, outcome, own, closer):
-    """Return the ladder's rows of the points, gaps those of both looks, and a row for each step of the patches' Outcome.
-
-    The last rows are those of the points' steps. Where points land is the same for all steps that patches showed.
+    gaps are those ``gaps_on_the_way``: the last rows' and steps'. Where points land is the same for all steps of the patches.
     """
-    steps = [step.effect for step in closer.steps]
-    rows = [
-        *rows,
-        *({**rows[-1], "step": rows[-1]["step"] + k + 1, "effect": effect} for k, effect in enumerate(steps)),
-    ]
-    gaps = [
-        Gap(points, outcome.twin.floors, patches, closer.twin.floors)
-        for points, patches in ways(base, outcome, own, closer)
-    ]
+    last = rows[-1]
+    rows = [*rows, *(last | {"step": last["step"] + k, "effect": effect} for k, effect in enumerate(steps, 1))]
     gaps = [gaps[0]] * (len(rows) - len(gaps)) + gaps
     out = []
     for row, gap in zip(rows, gaps, strict=True):
         low, high = gap.interval(f"{name}/{row['step']}")
-        out.append({**row, "gap": gap.value, "gap_floor": 1.0, "gap_low": low, "gap_high": high})
+        out.append(row | {"gap": gap.value, "gap_floor": 1.0, "gap_low": low, "gap_high": high})
     return out
 
 

@@ -14,7 +14,8 @@ import numpy as np
 from tqdm import tqdm
 
 import job
-from effects import library, pipeline
+from declared_effects import declared_of
+from effects import pipeline
 from effects.base import View
 from inputs import tables
 from inputs.render_store import read_station
@@ -43,15 +44,6 @@ def views_of(expand, register_json, camera, poses):
             K, int(sizes.width), int(sizes.height), 0, poses[station], camera, capture, station,
             float(facts["exposure"]), facts["encoding"], float(facts["noise_dn"]),
         )  # fmt: skip
-
-
-def declared_of(table):
-    """Return {capture: [(effect, parameters)]} of what photographs' files say of themselves; empty where the table is None."""
-    if not table:
-        return {}
-    known = tables.read_table(table, tables.FILES)
-    known = known.astype({"jpeg_quality": float}).fillna({"jpeg_quality": 0.0})
-    return {facts["capture"]: library.declared_by(facts) for facts in known.to_dict("records")}
 
 
 def rendered_poses(record):

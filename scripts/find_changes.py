@@ -18,7 +18,7 @@ import job
 from change_pictures import arrows_on, squares_of
 from effects import library
 from gap.changes import MAX_P
-from gap.score import floors_of, gap_error, group_gaps, overall_gap
+from gap.score import floors_of, gap_error, group_gaps, overall_gap, root_mean_square
 from gap.signature_changes import candidates_of
 from photograph_changes import PhotographSet, what_changed
 from rig.errors import InputError
@@ -39,11 +39,8 @@ def find_changes(before, after, campaigns, camera, candidates, threads, out, out
         PhotographSet(campaign, Path(p[0]).parent, before[1], p[2])
         for campaign, p in zip(campaigns, (before, after), strict=True)
     ]
-    effects = effects_of(*alone)
-    if sets[0].board:  # points start from what moves them
-        effects = [(name, p) for name, p in effects if library.is_pure_geometry(name)]
     try:
-        found = what_changed(sets, camera, effects, candidates, threads)
+        found = what_changed(sets, camera, effects_of(*alone), candidates, threads)
     except ValueError as why:
         raise InputError(f"{campaigns[1]} against {campaigns[0]}, camera {camera}: {why}") from None
     if signatures_first(found):
@@ -146,7 +143,7 @@ def steps_told(of_points, of_signatures, signatures_first):
 
 
 def _together(*gaps):
-    return float(np.sqrt(np.mean([g**2 for g in gaps if g is not None])))
+    return root_mean_square(g for g in gaps if g is not None)
 
 
 def point_step(change, twin, error):

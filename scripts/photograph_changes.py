@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from case_files import MIN_PATCHES, load_measured, load_photographs, read_capture, save_points
+from effects import library
 from gap.changes import Changes, changes
 from gap.photographs import expected_corners
 from gap.signature import Photograph
@@ -109,6 +110,7 @@ def what_changed(sets, camera, effects=(), candidates=None, threads=1):
         for s, problem in zip(sets, problems, strict=True)
     ]
     showing = tuple([p for p in of_set if len(p.plates) >= MIN_PATCHES] for of_set in photographs)
+    effects = [(name, p) for name, p in effects if library.is_pure_geometry(name)]  # all that points show
     points = changes(*problems, effects, candidates, threads)
     try:
         found, p_left = signature_changes(*showing, candidates, camera, threads)

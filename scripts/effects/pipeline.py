@@ -60,6 +60,11 @@ def scene_with_effects(scene, chosen):
     return scene
 
 
+def point_map(view, chosen, channel):
+    """Return the function of ideal pixels (n, 2) that gives a channel's image pixels; None where effects move none."""
+    return functools.partial(map_points, view=view, chosen=chosen, channel=channel) if has_geometry(chosen) else None
+
+
 def has_geometry(chosen):
     """Return whether any of the effects moves image points."""
     return any(moves_points(name) for name, _ in chosen)

@@ -9,7 +9,6 @@ from rig.light import LIGHT, BoardPlace, lit
 from rig.plates import white_cell_at
 
 UNCURVED = 0.05  # prior of the second order: a lamp's light over a board, in logarithms
-SIGMA_LIGHT = np.array([10.0] * 3 + [UNCURVED] * 3 + [10.0] * 2 + [1.0] * 3)
 DARKEST = 1e-3  # of white, in a first guess
 FEWEST_POINTS, FEWEST_OF_ORDER = (
     6,
@@ -39,7 +38,7 @@ def first_light(shown, white, black):
 def light_of(shown, reflectance, X, Y, free):
     """Return the LIGHT (11,) of radiances (n, 3) that places X, Y (n,) of known reflectance (n,) show.
 
-    It is 0 where not ``free`` (11,). Robust least squares with the priors of SIGMA_LIGHT.
+    It is 0 where not ``free`` (11,). Robust least squares; the second order has a prior (UNCURVED).
     Raises ValueError where white or black is seen at too few places.
     """
     white, black = reflectance.max(initial=0.0), reflectance.min(initial=1.0)
@@ -55,7 +54,7 @@ def light_of(shown, reflectance, X, Y, free):
     def residuals(values):
         light[free] = values
         off = lit(reflectance[None, :, None], light, X[None], Y[None])[0] - shown
-        return np.concatenate([off.ravel() / SCATTER, light[3:6] / SIGMA_LIGHT[3:6]])
+        return np.concatenate([off.ravel() / SCATTER, light[3:6] / UNCURVED])
 
     fit = least_squares(residuals, light[free], loss="cauchy", x_scale=0.1, max_nfev=50)
     light[free] = fit.x

@@ -21,7 +21,6 @@ MAX_PATCHES = 12  # of a photograph, that are looked at: more cost time and tell
 class PhotographsCase(Case):
     """Photographs of a board whose cells are measured patch by patch; rig.patches.Patch in ``patches``."""
 
-    is_board = True
     patches: list = None
 
     def __post_init__(self):
@@ -32,15 +31,6 @@ class PhotographsCase(Case):
         """Return (scene, prints, corners of the patches' codes (p, 4, 3)) of the twin with these effects."""
         scene = pipeline.scene_with_effects(self.scene, effects)
         return scene, self._prints_of(scene), on_board(scene, self.scene, self.corners)
-
-    def rims_of(self, effects):
-        """Return how far patches reach beyond the nominal ones (p,): paper has no end."""
-        return np.zeros(len(self.patches))
-
-    def places(self):
-        """Return (names, centres (p, 3), normals (p, 3)) of the patches, metres."""
-        centres = self.corners.mean(axis=1)
-        return [patch.name for patch in self.patches], centres, np.tile([0.0, 0.0, 1.0], (len(centres), 1))
 
     def lit(self, radiance, light, x, y):
         """Return the radiance (rows, columns, 3) under a capture's light, LIGHT (11,), at world x and y (rows, columns)."""

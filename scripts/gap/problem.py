@@ -179,12 +179,7 @@ class Case:
         spread = pipeline.light_spread(view, effects)
         planes = []
         for channel in channels:
-            mapping = None
-            if pipeline.has_geometry(effects):
-
-                def mapping(xy, channel=channel):
-                    return pipeline.map_points(xy, view, effects, channel)
-
+            mapping = pipeline.point_map(view, effects, channel)
             if is_lit(scene):
                 maps = pipeline.key_of([(n, p) for n, p in effects if library.places_light(n)])
                 key = view.T_cam_world.tobytes(), prints, maps

@@ -22,7 +22,12 @@ def group_gaps(groups, floors):
 
 def overall_gap(groups, floors):
     """Return the root mean square over the groups of observables."""
-    return float(np.sqrt(np.mean([v**2 for v in group_gaps(groups, floors).values()])))
+    return root_mean_square(group_gaps(groups, floors).values())
+
+
+def root_mean_square(gaps):
+    """Return the root mean square of some gaps."""
+    return float(np.sqrt(np.mean([v**2 for v in gaps])))
 
 
 def gap_error(groups, floors):

@@ -17,14 +17,13 @@ from gap.parameters import get_parameter, image_step, with_parameters
 from gap.predict.predictor import Kept
 from gap.predict.synthesis import shade, window_coverages, window_ground_points
 from gap.signature import SIGNS, Photograph
-from gap.signature_changes import MIN_SHOWING
+from gap.signature_changes import FIRST_STEP, MIN_SHOWING
 from gap.solver import Solver
 from job import seed_of
 from rig.light import LIGHT
 
 KEPT = 4000  # signatures
 USUAL_PX = 200_000  # of a photograph's windows
-CLEAR = 5.0  # times what matters
 NO_IMAGE = np.zeros((0, 0, 1), np.uint8)
 OF_GROUP = {  # which group of observables (gap.residuals.GROUPS) a sign belongs to
     "levels": ("light", "black", "light_outwards"),
@@ -34,7 +33,8 @@ OF_GROUP = {  # which group of observables (gap.residuals.GROUPS) a sign belongs
         "noise_white", "noise_black", "noise_across", "noise_coarse", "noise_colour", "blocks", "flat_blocks",
     ),
 }  # fmt: skip
-LEAST_FLOOR = {  # what signs differ by that no two photographs of a camera agree in: the measurement's own
+BY_GROUP = np.array([SIGNS.index(name) for names in OF_GROUP.values() for name in names])
+LEAST_FLOOR = {  # smallest floor of each sign, in its unit, set by hand: few photographs may agree by chance
     "spread_x": 0.02, "spread_y": 0.02, "spread_xy": 0.03, "overshoot": 0.01, "ink": 0.015, "overshoot_outwards": 0.02,
     "noise_white": 0.15, "noise_black": 0.15, "noise_across": 0.1, "noise_coarse": 0.1, "noise_colour": 0.2, "blocks": 0.15,
     "flat_blocks": 0.03, "light": 0.1, "black": 0.02, "light_outwards": 0.03, "red": 0.03, "blue": 0.03,
@@ -82,12 +82,7 @@ def twin_photograph(case, view, given, light, plates, features, in_colour, own=(
         scene, prints, _ = case.scene_of(given)
         effects, planes = [*given, *moving], []
         for channel in (0, 1, 2) if pipeline.is_chromatic(effects) else (1,):
-            mapping = None
-            if pipeline.has_geometry(effects):
-
-                def mapping(xy, channel=channel):
-                    return pipeline.map_points(xy, view, effects, channel)
-
+            mapping = pipeline.point_map(view, effects, channel)
             planes.append(shade(scene, view, *window_coverages(prints, view, atlas, mapping), None))
         ground = window_ground_points(view, atlas, None)
         radiance = case.lit(np.stack(planes, axis=-1).astype(np.float32), light, *ground)
@@ -97,11 +92,18 @@ def twin_photograph(case, view, given, light, plates, features, in_colour, own=(
 
 
 @dataclass
-class Shown:
+class SeenPatches:
     """Which patches a photograph shows: corners (p, 4, 2), measured (p,)."""
 
     corners: np.ndarray
     measured: np.ndarray
+
+
+def seen_patches(number, plates, features):
+    """Return the SeenPatches of so many patches, of which plates (k,) were measured as features (k, 19)."""
+    corners, measured = np.zeros((number, 4, 2)), np.zeros(number, bool)
+    corners[plates], measured[plates] = features[:, :8].reshape(-1, 4, 2), True
+    return SeenPatches(corners, measured)
 
 
 class NumbersOf:
@@ -119,7 +121,8 @@ class NumbersOf:
 class SignatureCase:
     """Photographs of a board whose signatures are compared with those of their twins.
 
-    captures [gap.problem.Capture], ``observation`` a Shown; twins [TwinPhotograph]; signs (captures, len(SIGNS)) of the real ones
+    captures [gap.problem.Capture], ``observation`` a SeenPatches; twins [TwinPhotograph]; signs (captures, signs) of the real
+    photographs
     """
 
     campaign: str
@@ -165,9 +168,9 @@ class SignatureCase:
 
     @cached_property
     def floors(self):
-        """Return (which signs count, their floors): by how much photographs differ from their ideal twins, each otherwise."""
+        """Return (which signs count, as their groups are ordered, their floors): photographs' scatter about their ideal twins."""
         off = self.signs - np.array([self.signature(i, []) for i in range(len(self.captures))])
-        counted = np.flatnonzero(np.isfinite(off).mean(0) >= MIN_SHOWING)
+        counted = BY_GROUP[np.isfinite(off).mean(0)[BY_GROUP] >= MIN_SHOWING]
         middle = np.nanmedian(off[:, counted], axis=0)
         scatter = 1.4826 * np.nanmedian(np.abs(off[:, counted] - middle), axis=0)
         return counted, np.maximum(scatter, [LEAST_FLOOR[SIGNS[k]] for k in counted])
@@ -183,7 +186,7 @@ def _clear_ones(effect):
     if any(nulls | start != nulls for start in starts):
         return starts
     acting = {k: p for k, p in library.parameters_of(effect).items() if not (p.auxiliary or p.is_choice)}
-    return [nulls | {k: nulls[k] + CLEAR * p.matters} for k, p in acting.items()]
+    return [nulls | {k: nulls[k] + FIRST_STEP * p.matters} for k, p in acting.items()]
 
 
 def _share_of_light(twin, effect, start):
@@ -216,29 +219,25 @@ class SignatureSolver(Solver):
 
     def __init__(self, problem, threads=1):
         self.problem, self.prior = problem, np.zeros(0)
-        counted, self.floor = problem.floors
-        names = [SIGNS[k] for k in counted]
-        self.counted = counted
-        self.groups = {g: np.flatnonzero(np.isin(names, of)) for g, of in OF_GROUP.items()}
-        self.order = np.concatenate(list(self.groups.values()))
-        self.whiteners = [NoPlates(len(counted)) for _ in problem.captures]
+        self.counted, self.floor = problem.floors
+        self.real = problem.signs[:, self.counted] / self.floor
+        names = [SIGNS[k] for k in self.counted]
+        self.groups = {group: np.isin(names, members) for group, members in OF_GROUP.items()}
+        self.whiteners = [NoPlates(len(self.counted)) for _ in problem.captures]
         self.map = ThreadPoolExecutor(threads).map if threads > 1 else map
         self.cost, self._kept = 0, Kept(KEPT)
 
     def shown(self, i, effects):
-        """Return the counted signs of capture i's twin in floors, in the order of residuals."""
+        """Return the counted signs of capture i's twin in floors."""
         key = i, pipeline.key_of(effects)
         signs = self._kept.of(key, lambda: self.problem.signature(i, list(effects)))
-        return (signs[self.counted] / self.floor)[self.order]
+        return signs[self.counted] / self.floor
 
     def residuals(self, i, effects, pose):
         """Return the residual groups of capture i for a list of effects."""
-        real = (self.problem.signs[i][self.counted] / self.floor)[self.order]
-        off, out, at = np.nan_to_num(real - self.shown(i, effects)), {"corners": np.zeros((0, 2))}, 0
-        for name, members in self.groups.items():
-            out[name] = off[at : at + len(members)]
-            at += len(members)
-        return out | {"pose": np.zeros(0)}
+        off = np.nan_to_num(self.real[i] - self.shown(i, effects))
+        groups = {group: off[members] for group, members in self.groups.items()}
+        return {"corners": np.zeros((0, 2))} | groups | {"pose": np.zeros(0)}
 
     def residuals_towards(self, i, effects, others, pose):
         """Return the residual groups of capture i where a list of effects becomes others."""

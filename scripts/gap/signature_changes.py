@@ -117,14 +117,13 @@ def _statistic(values, labels):
 
 
 def candidates_of(names, in_colour):
-    """Return those of some effects that can be laid on photographs: not the scene's, which are in the light already."""
-    return [
-        n
-        for n in names
-        if library.effect_named(n).STAGE != "scene"
-        and not library.is_pure_geometry(n)
-        and (in_colour or not library.needs_colour(n))
-    ]
+    """Return those of some effects that can be laid on photographs, ``in_colour`` or not."""
+    return [n for n in names if can_be_laid_on(n) and (in_colour or not library.needs_colour(n))]
+
+
+def can_be_laid_on(name):
+    """Return whether an effect acts on light that reached the camera: not the scene's, and not what only moves points."""
+    return library.effect_named(name).STAGE != "scene" and not library.is_pure_geometry(name)
 
 
 class Layer:

@@ -11,9 +11,9 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests/bench")]
 
-from diagnose_patches import competing  # noqa: E402
+from diagnose_patches import PREDICTIONS_EACH, competing  # noqa: E402
 from effects.contract import available_effects  # noqa: E402
-from gap.select_effects import verdict  # noqa: E402
+from gap.select_effects import BUDGET, verdict  # noqa: E402
 from generator import draw_effect, nominal  # noqa: E402
 from record import record  # noqa: E402
 from retaken_board import signatures_of  # noqa: E402
@@ -32,7 +32,7 @@ def named(effects, seed):
     start = time.process_time()
     case = signatures_of({n: draw_effect(n, 1.0, camera, f"{seed}/{n}") for n in effects})
     names, _ = competing(case, sorted(available_effects()), set())
-    _, _, _, outcome = verdict(case, candidates=names, budget=2000)
+    _, _, _, outcome = verdict(case, candidates=names, budget=BUDGET / PREDICTIONS_EACH / case.effort)
     return sorted(step.effect for step in outcome.steps), time.process_time() - start
 
 

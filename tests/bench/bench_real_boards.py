@@ -23,15 +23,15 @@ import pandas as pd  # noqa: E402
 
 import job  # noqa: E402
 from case_files import load_measured, load_photographs, read_capture  # noqa: E402
+from declared_effects import declared_of  # noqa: E402
 from describe_files import describe_files  # noqa: E402
 from diagnose_camera import looked_at, telling_record, verdict_record  # noqa: E402
-from diagnose_patches import both_looks, look_at_patches  # noqa: E402
+from diagnose_patches import both_looks, gaps_on_the_way, look_at_patches  # noqa: E402
 from effects import library  # noqa: E402
 from expand_tables import expand_tables  # noqa: E402
-from expose_twin import declared_of  # noqa: E402
 from gap.capture_light import photograph_light  # noqa: E402
 from gap.needs import cannot_tell  # noqa: E402
-from gap.select_effects import verdict  # noqa: E402
+from gap.select_effects import BUDGET, verdict  # noqa: E402
 from gap.signature import SIGNS  # noqa: E402
 from inputs.campaign import Board, load_campaign  # noqa: E402
 from observe_captures import observe_captures  # noqa: E402
@@ -47,7 +47,6 @@ from rig.patches import board_patches  # noqa: E402
 REAL = ROOT.parent / "shared/real"
 TABLE, PAGE = ROOT / "docs/real-photographs.csv", ROOT / "docs/real-photographs.md"
 AT_FLOOR = 1.2  # floors
-MANY = 10_000_000  # predictions that a diagnosis may take
 MOST_DRAWN = 4  # photographs whose grey levels are compared
 COLUMNS = [
     "set",
@@ -115,9 +114,9 @@ def diagnosed(name, folder):
     of_camera, off = (expand, intrinsics, camera, patches), {"edges": "", "noise": ""}
     try:
         closer_search, own, tried, closer, _ = look_at_patches(
-            of_camera, case, outcome, list(unseen), set(), declared_of(files), MANY, 1, None, None
+            of_camera, case, outcome, list(unseen), set(), declared_of(files), BUDGET, 1, None, None
         )
-        result = both_looks(result, verdict_record(own, tried, closer), base, outcome, own, closer)
+        result = both_looks(result, verdict_record(own, tried, closer), gaps_on_the_way(base, outcome, own, closer))
         off = signs_off(closer_search, own, closer.twin)
     except ValueError as why:
         result["verdict"] += f" ({why})"

@@ -13,12 +13,13 @@ sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests/bench"), str(ROOT / "te
 import numpy as np  # noqa: E402
 from drawn_board import K, board_case, light_of, on_board  # noqa: E402
 
+from case_files import PATCHES  # noqa: E402
 from gap.capture_light import photograph_light  # noqa: E402
 from gap.photographs import expected_corners  # noqa: E402
 from gap.problem import Capture  # noqa: E402
 from gap.signature import Photograph  # noqa: E402
-from gap.signature_case import OF_SLOPES, Shown, SignatureCase, twin_photograph  # noqa: E402
-from generator import nominal, optics, processing, sensor  # noqa: E402
+from gap.signature_case import OF_SLOPES, SignatureCase, seen_patches, twin_photograph  # noqa: E402
+from generator import nominal, optics  # noqa: E402
 from generator.photographs import Retaken  # noqa: E402
 from rig.geometry import project  # noqa: E402
 
@@ -37,26 +38,20 @@ def taken(case, k, effects):
     radiance = case.radiance_of(replace(case.captures[k], view=v), [], np.zeros(6))
     x, y = np.meshgrid(*(np.arange(-m * fine, n + m * fine) for n in (v.width, v.height)))
     lit = case.lit(radiance, light_of(k), *on_board(v, x, y))
-    pixels = np.stack([retaken._on_pixels(np.ascontiguousarray(lit[..., c])) for c in range(3)], axis=-1)
-    pixels = optics.stray_light(pixels, camera, effects, m)[m : m + view.height, m : m + view.width]
-    own = nominal.rng_of("test", str(k))
-    encoded = sensor.read_out(pixels, camera, effects, nominal.rng_of("sensor", "test"), own)
-    return processing.process(encoded, effects, retaken.order)
+    return retaken.of_light([np.ascontiguousarray(lit[..., c]) for c in range(3)], nominal.rng_of("test", str(k)))
 
 
 def signatures_of(effects, number=10):
     """Return the SignatureCase of so many photographs by a camera with some of the generator's effects."""
     case = board_case(number)
-    free, captures, twins, signs = OF_SLOPES, [], [], []
+    captures, twins, signs = [], [], []
     for k, capture in enumerate(case.captures):
         image, view = taken(case, k, effects), capture.view
         pixels = project(K, view.T_cam_world, POINTS)
         plates, features = case.patches_seen(image.astype(np.float32), expected_corners(POINTS, pixels, case.patches))
-        light = photograph_light(image.astype(np.float32), case.scene, POINTS, pixels, case.codes.lut, free)
-        photograph = Photograph(image, view, case.codes, plates, features).fewer(6)
-        corners, seen = np.zeros((len(case.patches), 4, 2)), np.zeros(len(case.patches), bool)
-        corners[photograph.plates], seen[photograph.plates] = photograph.features[:, :8].reshape(-1, 4, 2), True
-        captures.append(Capture(view, 1, Shown(corners, seen)))
+        light = photograph_light(image.astype(np.float32), case.scene, POINTS, pixels, case.codes.lut, OF_SLOPES)
+        photograph = Photograph(image, view, case.codes, plates, features).fewer(PATCHES)
+        captures.append(Capture(view, 1, seen_patches(len(case.patches), photograph.plates, photograph.features)))
         twins.append(twin_photograph(case, view, [], light, photograph.plates, photograph.features, True))
         signs.append(photograph.signature())
     return SignatureCase("c", "camera", captures, twins, np.array(signs))

@@ -168,12 +168,7 @@ class Shown:
         spread = pipeline.light_spread(view, effects)
         planes = []
         for channel in (0, 1, 2) if pipeline.is_chromatic(effects) else (1,):
-            mapping = None
-            if pipeline.has_geometry(effects):
-
-                def mapping(xy, channel=channel):
-                    return pipeline.map_points(xy, view, effects, channel)
-
+            mapping = pipeline.point_map(view, effects, channel)
             key = channel, prints, pipeline.key_of([(n, p) for n, p in effects if library.places_light(n)])
             if key not in self._drawn:
                 self._drawn[key] = window_coverages(prints, view, self.atlas, mapping, spread), []

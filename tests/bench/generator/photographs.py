@@ -73,13 +73,19 @@ class Retaken:
         """Return the 8-bit image (H, W, 3), red first, of a photograph's (H, W, 3) taken again; noise is seeded by its name."""
         own = nominal.rng_of("retaken", self.seed_name, name)
         shift = own.uniform(-MAX_SHIFT_PX, MAX_SHIFT_PX, 2).astype(np.float32)
-        light, planes = decode(image), []
-        for channel in range(3 if is_in_colour(image) else 1):
-            x, y = self.maps[channel % len(self.maps)]
-            fine = cv2.remap(
-                light[..., channel], x + shift[0], y + shift[1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT
-            )
-            planes.append(self._on_pixels(fine))
+        light, moved = decode(image), [(x + shift[0], y + shift[1]) for x, y in self.maps]
+        fine = (
+            cv2.remap(light[..., k], *moved[k % len(moved)], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
+            for k in range(3 if is_in_colour(image) else 1)
+        )
+        return self.of_light(fine, own)
+
+    def of_light(self, fine, own):
+        """Return the 8-bit image (H, W, C) of light before the lens: a plane a channel, fine samples of the frame and its margin.
+
+        ``own`` is the photograph's generator of random numbers.
+        """
+        planes = [self._on_pixels(plane) for plane in fine]
         linear = optics.stray_light(np.stack(planes, axis=-1), self.camera, self.effects, self.margin)
         m = self.margin
         linear = linear[m : m + self.camera.height, m : m + self.camera.width]
