@@ -20,7 +20,7 @@ from gap.measure.plate import FEATURES
 from gap.residuals import NU, Whitener, rho
 from gap.score import GAP_GROUPS
 from gap.search import MAX_PARAMETERS, MIN_GAIN
-from gap.select_effects import MAX_CLOSED_GAP, MAX_FLOOR_GAP
+from gap.standing import MAX_CLOSED_GAP, MAX_FLOOR_GAP
 from gap.where import BINS
 
 ERRORS = 3  # standard errors from its null at which a parameter is significant, as in gap.search.is_significant

@@ -373,3 +373,16 @@ def is_significant(effect, values, errors):
 def rank(candidates):
     """Return candidates, best held-out loss first, each parameter charged."""
     return sorted(candidates, key=lambda c: (-(c.gain - 2 * len(c.parameters)), c.effect))
+
+
+def confused_with(problem, best, candidates):
+    """Return the names of candidates that the held-out stations cannot tell from the best one."""
+    names = []
+    for other in candidates:
+        if other.effect == best.effect or other.gain < MIN_GAIN:
+            continue
+        ahead = gains_by_station(problem, other.twin.losses, best.twin.losses)
+        error = np.sqrt(len(ahead)) * ahead.std(ddof=1) if len(ahead) > 1 else np.inf
+        if ahead.sum() < max(MIN_GAIN, min(2 * error, 0.2 * abs(best.gain))):
+            names.append(other.effect)
+    return names

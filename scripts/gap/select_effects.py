@@ -8,9 +8,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from effects import library
-from gap.residuals import GROUPS
-from gap.score import excess_of
-from gap.search import MAX_PARAMETERS, MIN_GAIN, Search, errors_to_exceed, gains_by_station, is_significant, rank
+from gap.search import MAX_PARAMETERS, MIN_GAIN, Search, confused_with, errors_to_exceed, is_significant, rank
+from gap.standing import (
+    CLOSED,
+    MAX_FLOOR_GAP,
+    MIN_SHARE,
+    closes_a_good_share,
+    has_good_share,
+    is_at_floor,
+    is_open,
+    verdict_of,
+)
 from gap.twin import Twin
 
 MAX_TRIED, MAX_TRIED_AGAIN = 6, 4  # candidates that are fitted at first and in later steps; others stay at their null
@@ -18,15 +26,11 @@ MIN_SHARE_OF_BEST = 0.03  # of the largest predicted gain: less is not fitted in
 MAX_SIMPLE = 3  # parameters of an effect that has no more than one form
 MAX_UNDERSTATED = 3.0  # times the predicted gain that an effect may really have
 RIVALS = 0.7  # share of the largest predicted gain from which an effect is tried that can only be another name
-MIN_SHARE = 0.15  # of what is left above the floor, that a candidate must gain: less is a patch on a wrong form
 MIN_SHARE_OF_GROUP = 0.6  # of the excess of one group of observables, that is enough as well
 MIN_STATIONS = 0.7  # share of held-out stations that must not lose: a highlight is not seen from everywhere
-CLOSED = 0.2  # share of the first excess up to which the gap is closed, though above the floor
 HARDLY_CLOSED = 0.4  # share above which what helped a little gets no name
+MOST_LEFT_TOGETHER = 0.6  # of what is left of corners, that all effects that move points leave together, to be tried so
 FIRST_STEPS = 3  # that are tried one after the other, until one path closes the gap well
-MAX_ALLOWANCE = 0.1  # for what captures disagree about
-MAX_CLOSED_GAP = 2.0  # gap, in units of the floor, that is open whatever it was at first
-MAX_FLOOR_GAP = 1.10  # a gap up to this, in units of the floor, is the floor
 BUDGET = 60_000  # predictions and derivatives by images, of one capture each
 
 
@@ -125,7 +129,9 @@ def concluded(selection, base, first):
     rigid = [c for c in first if not is_flexible(c.effect)]
     ways = [c for c in rank(rigid) if is_missing_from(selection.search, base, c)][:FIRST_STEPS]
     best = path(selection, base, rigid, before)
-    on_another_way = best.share_left < CLOSED or (ways and _is_open(best.twin, ways[0].main_group, before))
+    if best.verdict == "unexplained" and not selection.is_spent():
+        best = _with_all_that_move(selection, base, rigid, best, before)
+    on_another_way = best.share_left < CLOSED or (ways and is_open(best.twin, ways[0].main_group, before))
     for way in ways[1:] if on_another_way else []:
         if best.is_closed or selection.is_spent():
             break
@@ -136,7 +142,7 @@ def concluded(selection, base, first):
         best = _with_simpler(selection, base, rigid, best, before)
     if best.verdict == "unexplained" and not selection.is_spent():
         best = _with_flexible(selection, base, first, best, before)
-    patched = not any(_closes_a_good_share(best.twin, step.main_group, before) for step in best.steps)
+    patched = not any(closes_a_good_share(best.twin, step.main_group, before) for step in best.steps)
     if not best.is_closed and best.share_left > HARDLY_CLOSED and patched:
         best = outcome_of(selection.search.problem, (), rank(first), base, before)
     return replace(
@@ -148,12 +154,12 @@ def concluded(selection, base, first):
     )
 
 
-def path(selection, base, first, before, start_with=None, taken=()):
+def path(selection, base, first, before, start_with=None, taken=(), kept=()):
     """Return the Outcome of adding the best candidate, refitting and trying all others again, until none is missing.
 
     ``first`` are the candidates of the base, and their effects those that compete; ``start_with`` names the effect of the
     first step, the best where None; ``taken`` are steps that led to the base; ``before`` is the first excess. An earlier effect
-    that the refitted twin no longer needs is taken out.
+    that the refitted twin no longer needs is taken out, but for those of the base that are ``kept``.
     """
     search, twin, gains = selection.search, base, selection.gains
     steps, candidates, names = list(taken), rank(first), [c.effect for c in first]
@@ -167,7 +173,7 @@ def path(selection, base, first, before, start_with=None, taken=()):
             candidates = [c for c in candidates if c is not best]  # beside the others, refitted, nothing of it is left
             continue
         confused = confused_with(search.problem, best, candidates)
-        twin, steps = _without_unneeded(search, adopted, best.effect, steps)
+        twin, steps = _without_unneeded(search, adopted, {best.effect, *kept}, steps)
         steps.append(Step(best.effect, twin, tuple(candidates), tuple(confused), best.main_group))
         if selection.progress:
             selection.progress(best.effect, search.cost / selection.budget)
@@ -187,13 +193,45 @@ def outcome_of(problem, steps, left, twin, before):
     return Outcome(tuple(steps), tuple(left), twin, verdict, share)
 
 
-def _without_unneeded(search, twin, new, steps):
-    """Return (Twin, steps) without the effects that the refitted twin no longer needs; one goes at a time."""
+def _without_unneeded(search, twin, kept, steps):
+    """Return (Twin, steps) without the effects that the refitted twin no longer needs, one at a time, but for those ``kept``."""
     for name in twin.names:
-        rest = search.without_unneeded(twin, name) if name != new and not search.is_fixed(name) else None
+        rest = search.without_unneeded(twin, name) if name not in kept and not search.is_fixed(name) else None
         if rest:
-            return _without_unneeded(search, rest, new, [s for s in steps if s.effect != name])
+            return _without_unneeded(search, rest, kept, [s for s in steps if s.effect != name])
     return twin, steps
+
+
+def _with_all_that_move(selection, base, first, best, before):
+    """Return the Outcome of a path that starts with all effects that move points, where they close much together.
+
+    Beside other large moves of points the robust loss hides what each of them is worth. Those that are not needed go.
+    """
+    search, names = selection.search, [c.effect for c in first if library.is_pure_geometry(c.effect)]
+    if not is_open(best.twin, "corners", before) or not has_good_share("corners", before):
+        return best
+    together = search.fitted([*base.effects, *((n, library.nulls_of(n)) for n in names)])
+    if together.excess["corners"] > MOST_LEFT_TOGETHER * best.twin.excess["corners"]:
+        return best
+    others = [c.effect for c in first if c.effect not in names]
+    candidates, _ = try_promising(search, together, others, MAX_TRIED)
+    further = path(selection, together, candidates, before, kept=names)
+    twin, _ = _without_unneeded(search, further.twin, (), [])
+    moving = [Step(n, twin, (), (), "corners") for n in twin.names if n in names]
+    steps = [*moving, *(s for s in further.steps if s.effect in twin.names)]
+    steps = _refitted(search, base, steps, twin)
+    left = [*further.left, *(search.null_candidate(twin, n) for n in names if n not in twin.names)]
+    found = outcome_of(search.problem, steps, rank(left), twin, before)
+    return found if found.is_closed or found.share_left < 0.5 * best.share_left else best
+
+
+def _refitted(search, base, steps, twin):
+    """Return steps from a base that lead to a Twin, each with its own: fitted from that Twin's values."""
+    out = []
+    for step in steps[:-1]:
+        so_far = {*base.names, *(s.effect for s in out), step.effect}
+        out.append(replace(step, twin=search.fitted([e for e in twin.effects if e[0] in so_far], twin.poses)))
+    return [*out, *(replace(step, twin=twin) for step in steps[-1:])]
 
 
 def _with_simpler(selection, base, first, best, before):
@@ -352,49 +390,3 @@ def is_enough(by_group, gain, least, excess, share):
     if gain > share * sum(excess.values()):
         return True
     return any(g > max(least, MIN_SHARE_OF_GROUP * excess.get(name, 0.0)) for name, g in by_group.items())
-
-
-def confused_with(problem, best, candidates):
-    """Return the names of candidates that the held-out stations cannot tell from the best one."""
-    names = []
-    for other in candidates:
-        if other.effect == best.effect or other.gain < MIN_GAIN:
-            continue
-        ahead = gains_by_station(problem, other.twin.losses, best.twin.losses)
-        error = np.sqrt(len(ahead)) * ahead.std(ddof=1) if len(ahead) > 1 else np.inf
-        if ahead.sum() < max(MIN_GAIN, min(2 * error, 0.2 * abs(best.gain))):
-            names.append(other.effect)
-    return names
-
-
-# -- where a twin stands --------------------------------------------------------------------------------------------
-
-
-def is_at_floor(twin):
-    """Return whether every group of observables, poses too, is at its floor: what helps further has nothing to explain."""
-    floors = {name: MAX_FLOOR_GAP * twin.floors.get(name, 1.0) for name in GROUPS}
-    return not any(excess_of(twin.groups, floors).values())
-
-
-def _is_open(twin, group, before):
-    return twin.excess[group] > CLOSED * before[group]
-
-
-def _closes_a_good_share(twin, group, before):
-    return before[group] > MIN_SHARE * sum(before.values()) and not _is_open(twin, group, before)
-
-
-def verdict_of(steps, twin, share_left=1.0, floor_within=1.0):
-    """Return ``adequate``, ``explained`` or ``unexplained`` from the steps taken and the gap that is left.
-
-    A gap that captures disagree about is no smaller for that: the error is allowed for up to ``MAX_ALLOWANCE`` only.
-    ``share_left`` is what was left of the first excess: effects have the right name before they have the last form.
-    ``floor_within`` is the factor to which the floor is known.
-    """
-    nearly_closed = steps and share_left < CLOSED and twin.gap < MAX_CLOSED_GAP
-    if (
-        twin.gap - min(2 * np.nan_to_num(twin.gap_se), MAX_ALLOWANCE) > MAX_FLOOR_GAP * floor_within
-        and not nearly_closed
-    ):
-        return "unexplained"
-    return "explained" if steps else "adequate"

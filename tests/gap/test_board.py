@@ -10,7 +10,7 @@ import pytest
 from case_files import save_points, without_lens
 from effects import library, pipeline
 from effects.base import Scene, View
-from gap import search, select_effects
+from gap import search, select_effects, standing
 from gap.board import board_case, local_noise_px, scales_alone, seen_by_points
 from gap.derivatives import flat
 from gap.select_effects import verdict
@@ -83,7 +83,7 @@ def test_a_step_that_closes_a_fifth_of_the_gap_and_leaves_it_open_gets_no_name(m
     _, _, _, outcome = verdict(problem, candidates=["rolling_shutter"])
     assert (outcome.steps, outcome.verdict) == ((), "adequate") and outcome.twin.gap > 1.3
     monkeypatch.setattr(select_effects, "HARDLY_CLOSED", 1.0)
-    as_patches = lambda _, twin, candidate: select_effects.is_missing(candidate, twin.excess, select_effects.MIN_SHARE)  # noqa: E731
+    as_patches = lambda _, twin, candidate: select_effects.is_missing(candidate, twin.excess, standing.MIN_SHARE)  # noqa: E731
     monkeypatch.setattr(select_effects, "is_missing_from", as_patches)
     _, _, _, patched = verdict(problem, candidates=["rolling_shutter"])
     assert [s.effect for s in patched.steps] == ["rolling_shutter"] and 0.6 < patched.share_left < 0.9

@@ -4,15 +4,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from cases import generated_case
+from cases import case_of_several, generated_case
 
 from effects import library, pipeline
 from gap.discrete import Discrete
 from gap.residuals import LOST_PLATE, flatten
 from gap.score import overall_gap
 from gap.search import Search, errors_to_exceed, is_significant
-from gap.select_effects import Selection, Step, _with_simpler, outcome_of, verdict, verdict_of
+from gap.select_effects import Selection, Step, _with_all_that_move, _with_simpler, outcome_of, verdict
 from gap.split import split_by_station
+from gap.standing import verdict_of
 
 CANDIDATES = ["radial_distortion", "focal_length", "lens_blur", "exposure", "marker_scale", "principal_point"]
 
@@ -304,3 +305,16 @@ def test_a_curve_gives_way_to_what_it_only_mimics(tmp_path, hidden, simpler):
     assert instead.twin.names == named(instead)
     of_the_curve = ("ink_reflectance",)  # doubles that are not another effect's
     assert instead.steps[0].confused_with == (() if simpler else of_the_curve)
+
+
+def test_what_moves_points_far_is_told_together(tmp_path):
+    """Fails if moves that hide one another are tried one by one only, or if a needless one keeps its name."""
+    hidden = ["focal_length", "principal_point", "radial_distortion"]
+    search = Search(case_of_several(tmp_path, hidden))
+    base = search.fitted([])
+    first = [search.null_candidate(base, name) for name in [*hidden, "marker_scale", "lens_blur"]]
+    nothing = outcome_of(search.problem, [], first, base, base.excess)
+    found = _with_all_that_move(Selection(search, 60_000, {}), base, first, nothing, base.excess)
+    assert sorted(named(found)) == hidden
+    assert found.verdict == "explained"
+    assert [len(step.twin.names) for step in found.steps] == [1, 2, 3]

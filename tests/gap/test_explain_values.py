@@ -15,7 +15,7 @@ from gap.ladder import interval, summary
 from gap.measure.capture import Codes, Observation
 from gap.problem import Capture, Case, encoding_table
 from gap.residuals import RHO_NOISE, rho
-from gap.select_effects import confused_with
+from gap.search import confused_with
 from inputs.twins import load_twin
 from rig.geometry import station_pose
 

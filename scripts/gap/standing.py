@@ -1,0 +1,49 @@
+"""Where a fitted twin stands: at the floor or not, which groups of observables are open, and the verdict's word."""
+
+import numpy as np
+
+from gap.residuals import GROUPS
+from gap.score import excess_of
+
+MIN_SHARE = 0.15  # of what is left above the floor, that a candidate must gain: less is a patch on a wrong form
+CLOSED = 0.2  # share of the first excess up to which the gap is closed, though above the floor
+MAX_ALLOWANCE = 0.1  # for what captures disagree about
+MAX_CLOSED_GAP = 2.0  # gap, in units of the floor, that is open whatever it was at first
+MAX_FLOOR_GAP = 1.10  # a gap up to this, in units of the floor, is the floor
+
+
+def is_at_floor(twin):
+    """Return whether every group of observables, poses too, is at its floor: what helps further has nothing to explain."""
+    floors = {name: MAX_FLOOR_GAP * twin.floors.get(name, 1.0) for name in GROUPS}
+    return not any(excess_of(twin.groups, floors).values())
+
+
+def has_good_share(group, before):
+    """Return whether a group of observables has a good share of the first excess ``before`` {group: loss}."""
+    return before[group] > MIN_SHARE * sum(before.values())
+
+
+def is_open(twin, group, before):
+    """Return whether a twin leaves a group open: more than CLOSED of the first excess ``before``."""
+    return twin.excess[group] > CLOSED * before[group]
+
+
+def closes_a_good_share(twin, group, before):
+    """Return whether a twin closes a group that had a good share of the first excess ``before``."""
+    return has_good_share(group, before) and not is_open(twin, group, before)
+
+
+def verdict_of(steps, twin, share_left=1.0, floor_within=1.0):
+    """Return ``adequate``, ``explained`` or ``unexplained`` from the steps taken and the gap that is left.
+
+    A gap that captures disagree about is no smaller for that: the error is allowed for up to ``MAX_ALLOWANCE`` only.
+    ``share_left`` is what was left of the first excess: effects have the right name before they have the last form.
+    ``floor_within`` is the factor to which the floor is known.
+    """
+    nearly_closed = steps and share_left < CLOSED and twin.gap < MAX_CLOSED_GAP
+    if (
+        twin.gap - min(2 * np.nan_to_num(twin.gap_se), MAX_ALLOWANCE) > MAX_FLOOR_GAP * floor_within
+        and not nearly_closed
+    ):
+        return "unexplained"
+    return "explained" if steps else "adequate"
