@@ -29,7 +29,7 @@ RIVALS = 0.7  # share of the largest predicted gain from which an effect is trie
 MIN_SHARE_OF_GROUP = 0.6  # of the excess of one group of observables, that is enough as well
 MIN_STATIONS = 0.7  # share of held-out stations that must not lose: a highlight is not seen from everywhere
 HARDLY_CLOSED = 0.4  # share above which what helped a little gets no name
-MOST_LEFT_TOGETHER = 0.6  # of what is left of corners, that all effects that move points leave together, to be tried so
+MAX_LEFT_TOGETHER = 0.6  # of the corners' excess left, that all geometry fitted together may leave, to be tried so
 FIRST_STEPS = 3  # that are tried one after the other, until one path closes the gap well
 BUDGET = 60_000  # predictions and derivatives by images, of one capture each
 
@@ -118,9 +118,10 @@ class Selection:
 def concluded(selection, base, first):
     """Return the Outcome of the best of several paths from a base.
 
-    The best first step is not always on the best way: where it leaves its own group of observables open, or comes near
-    and does not reach the floor, the next best ones are tried as well. What can mimic anything of its kind, a warp of many
-    waves, competes only where the others leave a gap. Where most of the gap stays, and no step closed the group of
+    Where the best steps leave a gap, all effects that move points are fitted jointly. The best first step is not always on
+    the best way: where it leaves its own group of observables open, or comes near and does not reach the floor, the next
+    best ones are tried as well. What can mimic anything of its kind, a warp of many waves, competes only where the others
+    leave a gap. Where most of the gap stays, and no step closed the group of
     observables in which it gained most, a good share of it all, what helped is a patch on something else: it gets no name.
     """
     before = base.excess
@@ -130,7 +131,7 @@ def concluded(selection, base, first):
     ways = [c for c in rank(rigid) if is_missing_from(selection.search, base, c)][:FIRST_STEPS]
     best = path(selection, base, rigid, before)
     if best.verdict == "unexplained" and not selection.is_spent():
-        best = _with_all_that_move(selection, base, rigid, best, before)
+        best = _with_joint_geometry(selection, base, rigid, best, before)
     on_another_way = best.share_left < CLOSED or (ways and is_open(best.twin, ways[0].main_group, before))
     for way in ways[1:] if on_another_way else []:
         if best.is_closed or selection.is_spent():
@@ -202,8 +203,8 @@ def _without_unneeded(search, twin, kept, steps):
     return twin, steps
 
 
-def _with_all_that_move(selection, base, first, best, before):
-    """Return the Outcome of a path that starts with all effects that move points, where they close much together.
+def _with_joint_geometry(selection, base, first, best, before):
+    """Return the Outcome of a path that starts with all effects that move points, fitted jointly, where that closes much.
 
     Beside other large moves of points the robust loss hides what each of them is worth. Those that are not needed go.
     """
@@ -211,7 +212,7 @@ def _with_all_that_move(selection, base, first, best, before):
     if not is_open(best.twin, "corners", before) or not has_good_share("corners", before):
         return best
     together = search.fitted([*base.effects, *((n, library.nulls_of(n)) for n in names)])
-    if together.excess["corners"] > MOST_LEFT_TOGETHER * best.twin.excess["corners"]:
+    if together.excess["corners"] > MAX_LEFT_TOGETHER * best.twin.excess["corners"]:
         return best
     others = [c.effect for c in first if c.effect not in names]
     candidates, _ = try_promising(search, together, others, MAX_TRIED)

@@ -11,7 +11,7 @@ from gap.discrete import Discrete
 from gap.residuals import LOST_PLATE, flatten
 from gap.score import overall_gap
 from gap.search import Search, errors_to_exceed, is_significant
-from gap.select_effects import Selection, Step, _with_all_that_move, _with_simpler, outcome_of, verdict
+from gap.select_effects import Selection, Step, _with_joint_geometry, _with_simpler, outcome_of, verdict
 from gap.split import split_by_station
 from gap.standing import verdict_of
 
@@ -314,7 +314,7 @@ def test_what_moves_points_far_is_told_together(tmp_path):
     base = search.fitted([])
     first = [search.null_candidate(base, name) for name in [*hidden, "marker_scale", "lens_blur"]]
     nothing = outcome_of(search.problem, [], first, base, base.excess)
-    found = _with_all_that_move(Selection(search, 60_000, {}), base, first, nothing, base.excess)
+    found = _with_joint_geometry(Selection(search, 60_000, {}), base, first, nothing, base.excess)
     assert sorted(named(found)) == hidden
     assert found.verdict == "explained"
     assert [len(step.twin.names) for step in found.steps] == [1, 2, 3]
