@@ -33,6 +33,8 @@ from gap.capture_light import photograph_light  # noqa: E402
 from gap.needs import cannot_tell  # noqa: E402
 from gap.select_effects import BUDGET, verdict  # noqa: E402
 from gap.signature import SIGNS  # noqa: E402
+from gap.signature_case import NumbersOf  # noqa: E402
+from gap.signature_changes import can_be_laid_on  # noqa: E402
 from inputs.campaign import Board, load_campaign  # noqa: E402
 from observe_captures import observe_captures  # noqa: E402
 from observe_patches import observe_patches  # noqa: E402
@@ -43,6 +45,7 @@ from rig.errors import InputError  # noqa: E402
 from rig.geometry import perturb_pose  # noqa: E402
 from rig.light import free_numbers, in_own_light  # noqa: E402
 from rig.patches import board_patches  # noqa: E402
+from told_apart import auc, patches_of  # noqa: E402
 
 REAL = ROOT.parent / "shared/real"
 TABLE, PAGE = ROOT / "docs/real-photographs.csv", ROOT / "docs/real-photographs.md"
@@ -65,6 +68,7 @@ COLUMNS = [
     "over_opencv",
     "dn_nominal",
     "dn_own_light",
+    "told_apart",
     "cpu_s",
 ]
 HEAD = """# Real photographs
@@ -81,6 +85,9 @@ What the program says of sets of photographs by real cameras that others publish
   fitted to the same photographs. Below 1 the twin projects better.
 - **levels off**: root mean square difference, grey levels, of left-out photographs and their twins between the board's outermost
   points, the median photograph; in the nominal light, and in the light that each photograph's own white and black show.
+- **told apart**: area under the ROC curve of a logistic model that tells patches of 32 pixels of left-out photographs from those of
+  their twins by fixed features, after it was shown the others'; the nominal twin, and that in each photograph's own light with all
+  effects named. 1: always told, 0.5: never.
 - **cannot be told**: effects that would stay unseen at the amount worth naming, and what would show them.
 
 """
@@ -111,13 +118,16 @@ def diagnosed(name, folder):
     files, patches, points_after = folder / "files.csv", folder / "patches.npz", result["gap"]
     describe_files(expand / "captures.csv", campaign, camera, files)
     observe_patches(expand, intrinsics, campaign, camera, observations, patches)
+    result["where"] = []  # pictures of it are not drawn here
     of_camera, off = (expand, intrinsics, camera, patches), {"edges": "", "noise": ""}
+    effects, declared = list(outcome.twin.effects), declared_of(files)
     try:
         closer_search, own, tried, closer, _ = look_at_patches(
-            of_camera, case, outcome, list(unseen), set(), declared_of(files), BUDGET, 1, None, None
+            of_camera, case, outcome, list(unseen), set(), declared, BUDGET, 1, None, None
         )
         result = both_looks(result, verdict_record(own, tried, closer), gaps_on_the_way(base, outcome, own, closer))
         off = signs_off(closer_search, own, closer.twin)
+        effects = [e for e in effects if not can_be_laid_on(e[0])] + list(closer.twin.effects)
     except ValueError as why:
         result["verdict"] += f" ({why})"
     ours, theirs = left_out_px(search, outcome.twin), opencv_left_out_px(search)
@@ -136,7 +146,7 @@ def diagnosed(name, folder):
         "not_told": ", ".join(plain(n) for n in result["not_told"]),
         "needs": "; ".join(sorted({need["text"].partition(": ")[2] for need in result["needs"]})),
         "over_opencv": f"{ours / theirs:.3f}",
-        **grey_levels_off(search, outcome.twin, expand, intrinsics, campaign),
+        **against_photographs(search, outcome.twin, effects, declared, (expand, intrinsics, campaign)),
         "cpu_s": f"{time.process_time() - start:.0f}",
     }
 
@@ -155,28 +165,53 @@ def signs_off(search, before, after):
     return {"edges": "{:.3f} / {:.3f}".format(*edges), "noise": "{:.1f} / {:.1f}".format(*factors)}
 
 
-def grey_levels_off(search, twin, expand, intrinsics, campaign):
-    """Return {column: RMS difference in words} of left-out photographs and their twins inside the board, the median of them.
+def against_photographs(search, twin, effects, declared, files):
+    """Return {column: words} of what tells photographs from their twins inside the board, of a BoardCase's Search.
 
-    By the nominal light and by each photograph's own, with the effects of a Twin and the photograph's own pose.
+    Twin ``twin`` has the poses; effects are all that were named, declared {capture: effects} what photographs' files say; files
+    (expand, register_json, campaign). Grey levels are of left-out photographs, the median of them.
     """
-    case, target = search.problem, json.loads((expand / "scene.json").read_text())["target"]
-    images = pd.read_csv(expand / "captures.csv", dtype=str).set_index("capture").image
-    drawn = load_photographs(expand, intrinsics, case.camera, board_patches(Board.model_validate(target)))
-    free, zero, rows = free_numbers(load_campaign(campaign).file.left_open), np.zeros(6), []
-    for i in search.test[:MOST_DRAWN]:
-        capture = replace(drawn.captures[i], view=replace(case.captures[i].view, T_cam_world=moved_pose(case, i, twin)))
-        image, observed = read_capture(campaign, images[capture.view.capture]), case.captures[i].observation.features
-        radiance = drawn.radiance_of(capture, twin.effects, zero)
-        try:
-            lit_radiance = in_light_of(radiance, drawn, capture.view, image, case.points, observed, free)
-        except ValueError:
-            continue  # too little of the board is seen
-        inside = board_mask(case.points, observed, image.shape)
-        shown = (drawn.image_of(r, capture, twin.effects, zero) for r in (radiance, lit_radiance))
-        rows.append([np.sqrt(np.mean((image[inside] - twin_image[inside]) ** 2)) for twin_image in shown])
-    off = np.median(rows, axis=0) if rows else [np.nan] * 2
-    return {name: f"{value:.1f}" for name, value in zip(("dn_nominal", "dn_own_light"), off, strict=True)}
+    left_out = Drawn(search, twin, effects, declared, files, search.test)
+    shown = Drawn(search, twin, effects, declared, files, search.train)
+    off = np.median(left_out.rms, axis=0) if left_out.rms else [np.nan] * 2
+    words = {name: f"{value:.1f}" for name, value in zip(("dn_nominal", "dn_own_light"), off, strict=True)}
+    if not (shown.rms and left_out.rms):
+        return words | {"told_apart": ""}
+    areas = [auc(*shown.patches(which), *left_out.patches(which)) for which in ("nominal", "closest")]
+    return words | {"told_apart": "{:.3f} / {:.3f}".format(*areas)}
+
+
+class Drawn:
+    """Photographs and their twins, as full images: ``rms`` [(nominal light, own light)] in grey levels, and their patches."""
+
+    def __init__(self, search, twin, effects, declared, files, indices):
+        expand, intrinsics, campaign = files
+        case, target = search.problem, json.loads((expand / "scene.json").read_text())["target"]
+        images = pd.read_csv(expand / "captures.csv", dtype=str).set_index("capture").image
+        drawn = load_photographs(expand, intrinsics, case.camera, board_patches(Board.model_validate(target)))
+        free, zero = free_numbers(load_campaign(campaign).file.left_open), np.zeros(6)
+        self.rms, self.found = [], {"photograph": [], "nominal": [], "closest": []}
+        for i in indices[:MOST_DRAWN]:
+            name = case.captures[i].view.capture
+            capture = replace(
+                drawn.captures[i], view=replace(case.captures[i].view, T_cam_world=moved_pose(case, i, twin))
+            )
+            image, observed = read_capture(campaign, images[name]), case.captures[i].observation.features
+            radiance = drawn.radiance_of(capture, twin.effects, zero)
+            try:
+                lit_radiance = in_light_of(radiance, drawn, capture.view, image, case.points, observed, free)
+            except ValueError:
+                continue  # too little of the board is seen
+            inside = board_mask(case.points, observed, image.shape)
+            nominal, lit = (drawn.image_of(r, capture, twin.effects, zero) for r in (radiance, lit_radiance))
+            self.rms.append([np.sqrt(np.mean((image[inside] - v[inside]) ** 2)) for v in (nominal, lit)])
+            closest = drawn.image_of(lit_radiance, capture, [*effects, *declared.get(name, ())], zero, NumbersOf(name))
+            for key, shown in (("photograph", image), ("nominal", nominal), ("closest", closest)):
+                self.found[key].append(patches_of(np.rint(shown), inside))
+
+    def patches(self, which):
+        """Return the patches (n, 32, 32, 3) of the photographs, and as many of their twins, "nominal" or "closest"."""
+        return tuple(np.concatenate(self.found[name]) for name in ("photograph", which))
 
 
 def moved_pose(case, i, twin):
@@ -252,6 +287,7 @@ def page(table):
             "over_opencv": "left out, over OpenCV",
             "dn_nominal": "levels off, nominal light",
             "dn_own_light": "levels off, own light",
+            "told_apart": "told apart, AUC",
             "cpu_s": "CPU, s",
         }
     )
@@ -276,24 +312,33 @@ def figures(table):
     ]
 
 
+def stored_table():
+    """Return the table as it stands."""
+    stored = pd.read_csv(TABLE, dtype=str, keep_default_na=False) if TABLE.is_file() else pd.DataFrame(columns=COLUMNS)
+    return stored.reindex(columns=COLUMNS, fill_value="")
+
+
+def with_row(table, row):
+    """Return a table with a set's row (dict) in place of what it said of it."""
+    return pd.concat([table[table.set != row["set"]], pd.DataFrame([row])]).astype(str).sort_values("set")
+
+
 def main():
     """Read the command line, diagnose, write, record."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", metavar="SET")
     given = parser.parse_args()
     logging.disable()
-    old = pd.read_csv(TABLE, dtype=str, keep_default_na=False) if TABLE.is_file() else pd.DataFrame(columns=COLUMNS)
-    old = old.reindex(columns=COLUMNS, fill_value="")
     for name in given.names or board_sets():
         with tempfile.TemporaryDirectory() as folder:
             row = diagnosed(name, Path(folder))
         print(json.dumps(row), flush=True)
-        old = pd.concat([old[old.set != name], pd.DataFrame([row])]).astype(str).sort_values("set")
+        table = with_row(stored_table(), row)
         with job.write_atomically(TABLE) as file:
-            old.to_csv(file, index=False, lineterminator="\n")
+            table.to_csv(file, index=False, lineterminator="\n")
         with job.write_atomically(PAGE) as file:
-            file.write(page(old))
-    record(figures(old), "python tests/bench/bench_real_boards.py")
+            file.write(page(table))
+    record(figures(stored_table()), "python tests/bench/bench_real_boards.py")
 
 
 if __name__ == "__main__":
