@@ -217,13 +217,19 @@ def _with_joint_geometry(selection, base, first, best, before):
     others = [c.effect for c in first if c.effect not in names]
     candidates, _ = try_promising(search, together, others, MAX_TRIED)
     further = path(selection, together, candidates, before, kept=names)
-    twin, _ = _without_unneeded(search, further.twin, (), [])
+    twin, _ = _without_unneeded(search, _without_idle(search, further.twin, names), (), [])
     moving = [Step(n, twin, (), (), "corners") for n in twin.names if n in names]
     steps = [*moving, *(s for s in further.steps if s.effect in twin.names)]
     steps = _refitted(search, base, steps, twin)
     left = [*further.left, *(search.null_candidate(twin, n) for n in names if n not in twin.names)]
     found = outcome_of(search.problem, steps, rank(left), twin, before)
     return found if found.is_closed or found.share_left < 0.5 * best.share_left else best
+
+
+def _without_idle(search, twin, names):
+    """Return the Twin, refitted, without those of some effects that are worth nothing to second order: refits differ by more."""
+    idle = [n for n in names if twin.evidence.get(n, 0.0) < MIN_GAIN]
+    return search.fitted([e for e in twin.effects if e[0] not in idle], twin.poses) if idle else twin
 
 
 def _refitted(search, base, steps, twin):
