@@ -60,6 +60,7 @@ COLUMNS = [
     "before",
     "after",
     "after_points",
+    "lives",
     "edges_off",
     "noise_off",
     "noise_px",
@@ -78,7 +79,7 @@ What the program says of sets of photographs by real cameras that others publish
 [real-photographs.csv](real-photographs.csv). Points of the boards are looked at first, then their cells.
 
 - **gap**: of left-out photographs, in floors, with the ideal pinhole and with the effects named ([method](method.md)): of points and of
-  what cells show; **of points** alone.
+  what cells show; **of points** alone. Where it is above 1.2 afterwards, the groups of observables that are, the largest first.
 - **edges off**: by how much the second moment of edges' spread differs between left-out photographs and twins, square pixels, before
   and after; **noise off**: by which factor their noise does.
 - **left out, over OpenCV**: root mean square of left-out points, over that of OpenCV's calibration with five coefficients, which is
@@ -140,6 +141,7 @@ def diagnosed(name, folder):
         "before": f"{result['gap_as_configured']:.2f}",
         "after": f"{result['gap']:.2f}",
         "after_points": f"{points_after:.2f}",
+        "lives": lives_in(result),
         "edges_off": off["edges"],
         "noise_off": off["noise"],
         "noise_px": f"{case.noise_px:.3f}",
@@ -149,6 +151,13 @@ def diagnosed(name, folder):
         **against_photographs(search, outcome.twin, effects, declared, (expand, intrinsics, campaign)),
         "cpu_s": f"{time.process_time() - start:.0f}",
     }
+
+
+def lives_in(result):
+    """Return the groups of observables that are above AT_FLOOR in a record whose gap is, in words, the largest first."""
+    groups = sorted(result["groups"].items(), key=lambda item: -item[1])
+    above = [f"{name} {gap:.1f}" for name, gap in groups if gap > AT_FLOOR]
+    return ", ".join(above) if result["gap"] > AT_FLOOR else ""
 
 
 def signs_off(search, before, after):
@@ -173,10 +182,10 @@ def against_photographs(search, twin, effects, declared, files):
     """
     left_out = Drawn(search, twin, effects, declared, files, search.test)
     shown = Drawn(search, twin, effects, declared, files, search.train)
-    off = np.median(left_out.rms, axis=0) if left_out.rms else [np.nan] * 2
-    words = {name: f"{value:.1f}" for name, value in zip(("dn_nominal", "dn_own_light"), off, strict=True)}
     if not (shown.rms and left_out.rms):
-        return words | {"told_apart": ""}
+        return {}  # too little of the board is seen
+    off = np.median(left_out.rms, axis=0)
+    words = {name: f"{value:.1f}" for name, value in zip(("dn_nominal", "dn_own_light"), off, strict=True)}
     areas = [auc(*shown.patches(which), *left_out.patches(which)) for which in ("nominal", "closest")]
     return words | {"told_apart": "{:.3f} / {:.3f}".format(*areas)}
 
@@ -279,6 +288,7 @@ def page(table):
             "before": "gap before",
             "after": "after",
             "after_points": "after, of points",
+            "lives": "where the gap lives",
             "edges_off": "edges off, px2",
             "noise_off": "noise off, times",
             "noise_px": "a point's noise, px",

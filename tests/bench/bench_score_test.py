@@ -4,7 +4,8 @@ python tests/bench/bench_score_test.py [EFFECT ...]. Writes docs/score-test.csv.
 The rule: the candidate with the smallest p-value of a score test is proposed, Bonferroni's threshold at 1 % over all candidates (the
 lowest that a bank of campaigns with nothing to find could give, whose renderer and robust weights only raise it), discounted by
 what stays unexplained once something was adopted; it must lower some group's held-out gap by 2 %; in the end each name must pass its
-own test with itself taken out. Free warps compete last. What is named alone is counted, of the generator's effects.
+own test with itself taken out. Free warps compete last. What is named alone is counted, of the generator's effects; beside it, what
+forward selection names of the same observations.
 """
 
 import argparse
@@ -25,7 +26,7 @@ from effects import library  # noqa: E402
 from gap.residuals import GROUPS  # noqa: E402
 from gap.score import group_gaps  # noqa: E402
 from gap.search import Search  # noqa: E402
-from gap.select_effects import is_flexible  # noqa: E402
+from gap.select_effects import is_flexible, verdict  # noqa: E402
 from generator.vocabulary import LIBRARY  # noqa: E402
 from record import record  # noqa: E402
 from trials.generate_trials import generate_trial  # noqa: E402
@@ -34,6 +35,7 @@ from trials.observe_trial import observe_trial, observed_cases  # noqa: E402
 TABLE = ROOT / "docs/score-test.csv"
 SEED, STRENGTH = "gate", 0.25
 ALPHA, MIN_RAISE = 0.01, 1.02  # a p-value over all candidates; factor of a group's gap
+NOTHING, NOT_RUN = "nothing", "not run"
 MOST_NAMES = 4  # more need not be counted: it is not named alone
 
 
@@ -94,9 +96,12 @@ def replayed(effect, folder):
     """Return the table's row (dict) of an effect at a quarter of its clear strength."""
     name, _ = generate_trial(folder, folder / "truths", "power", 0, SEED, effect, STRENGTH)
     observe_trial(folder / name, folder / "observed")
-    search = Search(observed_cases(folder / "observed")[0])
+    case = observed_cases(folder / "observed")[0]
+    search = Search(case)
     proposed, stay = named_by_rule(search)
-    return {"effect": effect, "proposed": " ".join(proposed), "named": " ".join(stay), "predictions": search.cost}
+    forward = [step.effect for step in verdict(case)[3].steps]
+    words = {"proposed": proposed, "named": stay, "forward": forward}
+    return {"effect": effect} | {k: " ".join(v) or NOTHING for k, v in words.items()} | {"predictions": search.cost}
 
 
 def main():
@@ -109,7 +114,12 @@ def main():
             row = replayed(effect, Path(folder))
         print(row, flush=True)
         old = pd.read_csv(TABLE, keep_default_na=False) if TABLE.is_file() else pd.DataFrame(columns=list(row))
-        table = pd.concat([old[old.effect != effect], pd.DataFrame([row])]).sort_values("effect")
+        table = (
+            pd.concat([old[old.effect != effect], pd.DataFrame([row])])
+            .fillna(NOT_RUN)
+            .replace("", NOTHING)
+            .sort_values("effect")
+        )
         with job.write_atomically(TABLE) as file:
             table.to_csv(file, index=False, lineterminator="\n")
     table = pd.read_csv(TABLE, keep_default_na=False)

@@ -11,7 +11,7 @@ from gap.discrete import Discrete
 from gap.residuals import LOST_PLATE, flatten
 from gap.score import overall_gap
 from gap.search import Search, errors_to_exceed, is_significant
-from gap.select_effects import Selection, Step, _with_joint_geometry, _with_simpler, outcome_of, verdict
+from gap.select_effects import Selection, Step, _with_joint_geometry, _with_simpler, _without_idle, outcome_of, verdict
 from gap.split import split_by_station
 from gap.standing import verdict_of
 
@@ -318,3 +318,11 @@ def test_what_moves_points_far_is_told_together(tmp_path):
     assert sorted(named(found)) == hidden
     assert found.verdict == "explained"
     assert [len(step.twin.names) for step in found.steps] == [1, 2, 3]
+
+
+def test_what_is_worth_nothing_goes_together():
+    """Fails if effects that no second order misses stay, others go, or a twin that needs all is fitted again."""
+    twin = SimpleNamespace(effects=(("a", {}), ("b", {}), ("c", {})), evidence={"a": 7.0, "b": 900.0}, poses=None)
+    search = SimpleNamespace(fitted=lambda effects, poses: [name for name, _ in effects])
+    assert _without_idle(search, twin, ["a", "b"]) == ["b", "c"]
+    assert _without_idle(search, twin, ["b"]) is twin
