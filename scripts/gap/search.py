@@ -166,7 +166,7 @@ class Search:
         """
         starts, towards = self.problem.starts_of(effect), []
         if len(starts) > 1 or starts != library.starts_of(effect):
-            towards, _ = self._gains_of_starts(twin, effect, starts, self._prepared_for(twin)[0])
+            towards, _ = self._gains_of_starts(twin, effect, starts, self.prepared_for(twin)[0])
         best = max([self._gain_of(twin, [effect])([effect]), *towards], key=np.sum)
         return dict(zip(GROUPS, best * len(self.train) / max(len(probes(self.train)), 1), strict=True))
 
@@ -175,7 +175,7 @@ class Search:
 
         It returns the loss (groups,) that these could gain together in the probes, about their nulls.
         """
-        (indices, groups, nu), beside = self._prepared_for(twin)
+        (indices, groups, nu), beside = self.prepared_for(twin)
         free = [(n, k) for n in names for k in library.fitted_parameters(n) if not spec((n, k)).auxiliary]
         effects = [*twin.effects, *((n, library.nulls_of(n)) for n in names)]
         derivatives = self.solver.derivatives(effects, free, twin.poses, indices, start_step)
@@ -206,7 +206,7 @@ class Search:
             taken.append(max(left, key=lambda n: gain_of([*taken, n]).sum()))
         return taken if taken and gain_of(taken).sum() >= enough else []
 
-    def _prepared_for(self, twin):
+    def prepared_for(self, twin):
         """Return (probes, their derivatives by the twin's parameters), made once for a twin.
 
         They cost nothing of the budget: a search whose outcomes are kept needs none, and must end alike.

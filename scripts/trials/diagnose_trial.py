@@ -9,12 +9,14 @@ diagnoses from there without any image.
 import argparse
 import json
 import logging
+import os
 import sys
 import tempfile
 import time
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+os.environ["OPENBLAS_NUM_THREADS"] = "1"  # before numpy is loaded: small matrices do not go side by side
 
 import cv2
 import pandas as pd
