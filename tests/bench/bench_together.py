@@ -34,6 +34,16 @@ from trials.observe_trial import observe_trial, observed_cases  # noqa: E402
 MAX_TOGETHER = 9  # effects that are proposed at once
 LEAST_SHARE = 0.03  # of all that could be gained to first order: what adds less is not proposed
 COUNTS = {"whole": 4, "single": 4, "outside": 3}  # of trials of each kind and seed
+RIGHT = {
+    "whole": "proposed together, whole trials: names that are hidden",
+    "single": "proposed together, single trials: names that are hidden",
+    "outside": "proposed together, outside trials: names, none of which is hidden",
+}
+FIRST = {
+    "whole": "proposed together, whole trials: the first name is hidden",
+    "single": "proposed together, single trials: the first name is hidden",
+    "outside": "proposed together, outside trials: the first name is hidden",
+}
 
 
 @dataclass(frozen=True)
@@ -154,7 +164,6 @@ def main(argv=None):
     seeds = parser.parse_args(argv).seeds
     cv2.setNumThreads(1)
     logging.disable()
-    figures = []
     for kind, count in COUNTS.items():
         trials = [counted(kind, index, seed) for seed in seeds for index in range(count)]
         for hidden, names in trials:
@@ -162,12 +171,11 @@ def main(argv=None):
         right = sum(name in hidden for hidden, names in trials for name in names)
         number = sum(len(names) for _, names in trials)
         first = sum(names[:1] != [] and names[0] in hidden for hidden, names in trials)
-        what = f"proposed together, {kind} trials"
-        figures += [
-            (f"{what}: names that are hidden", f"{right} of {number}", f"of {sum(len(h) for h, _ in trials)} hidden"),
-            (f"{what}: the first name is hidden", f"{first} of {len(trials)}", "cameras"),
+        figures = [
+            (RIGHT[kind], f"{right} of {number}", f"of {sum(len(h) for h, _ in trials)} hidden"),
+            (FIRST[kind], f"{first} of {len(trials)}", "cameras"),
         ]
-    record(figures, f"python tests/bench/bench_together.py {' '.join(seeds)}")
+        record(figures, f"python tests/bench/bench_together.py {' '.join(seeds)}")
 
 
 if __name__ == "__main__":
