@@ -42,7 +42,6 @@ RIGHT = {
 FIRST = {
     "whole": "proposed together, whole trials: the first name is hidden",
     "single": "proposed together, single trials: the first name is hidden",
-    "outside": "proposed together, outside trials: the first name is hidden",
 }
 
 
@@ -171,10 +170,9 @@ def main(argv=None):
         right = sum(name in hidden for hidden, names in trials for name in names)
         number = sum(len(names) for _, names in trials)
         first = sum(names[:1] != [] and names[0] in hidden for hidden, names in trials)
-        figures = [
-            (RIGHT[kind], f"{right} of {number}", f"of {sum(len(h) for h, _ in trials)} hidden"),
-            (FIRST[kind], f"{first} of {len(trials)}", "cameras"),
-        ]
+        figures = [(RIGHT[kind], f"{right} of {number}", f"of {sum(len(h) for h, _ in trials)} hidden")]
+        if kind in FIRST:
+            figures.append((FIRST[kind], f"{first} of {len(trials)}", "cameras"))
         record(figures, f"python tests/bench/bench_together.py {' '.join(seeds)}")
 
 
