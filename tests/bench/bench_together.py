@@ -1,11 +1,12 @@
-"""Many effects at once: which explain together, to first order, what a camera's first twin leaves open, and how many of these are
-really hidden: python tests/bench/bench_together.py [SEED ...]. Kinds of trials: whole cameras, single effects, outsiders.
+"""Which effects explain together, to first order, what a camera's first twin leaves open, and how many of these are really hidden:
+python tests/bench/bench_together.py [SEED ...]. Of whole cameras, single effects and effects outside the library.
 
-Nothing is fitted but the first twin's poses. Forward selection in the derivatives by all effects of the library, about their nulls
-and towards their starts.
+Forward selection in the derivatives by all effects of the library, about their nulls and towards their starts; nothing is fitted but
+the first twin's poses.
 """
 
 import argparse
+import itertools
 import logging
 import os
 import sys
@@ -13,7 +14,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-os.environ["OPENBLAS_NUM_THREADS"] = "1"  # before numpy is loaded
+os.environ["OPENBLAS_NUM_THREADS"] = "1"  # before numpy is loaded: threads cost small matrices more than they bring
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests/bench")]
 
@@ -34,10 +35,10 @@ from trials.observe_trial import observe_trial, observed_cases  # noqa: E402
 MAX_TOGETHER = 9  # effects that are proposed at once
 LEAST_SHARE = 0.03  # of all that could be gained to first order: what adds less is not proposed
 COUNTS = {"whole": 4, "single": 4, "outside": 3}  # of trials of each kind and seed
-RIGHT = {
+HIDDEN = {
     "whole": "proposed together, whole trials: names that are hidden",
     "single": "proposed together, single trials: names that are hidden",
-    "outside": "proposed together, outside trials: names, none of which is hidden",
+    "outside": "proposed together, outside trials: names that are hidden",
 }
 FIRST = {
     "whole": "proposed together, whole trials: the first name is hidden",
@@ -47,21 +48,16 @@ FIRST = {
 
 @dataclass(frozen=True)
 class Way:
-    """One form in which an effect may be missing, with its columns in the linear model.
-
-    ``start`` is None where the columns are those of ``parameters`` about their nulls, else the one column goes there.
-    """
+    """One form in which an effect may be missing: its columns in the linear model."""
 
     effect: str
-    parameters: tuple
-    start: dict | None
     columns: tuple
 
 
 class LinearModel:
     """What a twin's residuals look like in the derivatives by many effects: normal equations, poses eliminated.
 
-    Columns are scaled to a unit diagonal; parameters stay within their bounds' signs.
+    Columns are scaled to a unit diagonal. A parameter whose null is one of its bounds steps to the other side only.
     """
 
     def __init__(self, H, g, lower, upper, own):
@@ -84,40 +80,40 @@ class LinearModel:
 
 
 def proposed(search, twin, names):
-    """Return [(effect, loss that it adds)] of those of ``names`` that explain most together of what a twin leaves open, to first order.
+    """Return those of ``names``, best first, that explain most together of what a twin leaves open, to first order.
 
     Forward selection in the derivatives of a few captures about the twin, its own parameters and poses going along.
     """
     ways, model = linear_model(search, twin, [n for n in names if n not in twin.names])
     captures = len(search.train) / max(len(probes(search.train)), 1)
     possible = model.gain([k for way in ways for k in way.columns]) - model.gain(())
-    taken, added = [], []
-    while len(taken) < MAX_TOGETHER:
+    least = max(MIN_GAIN / captures, LEAST_SHARE * possible)
+    taken = []
+    while ways and len(taken) < MAX_TOGETHER:
         columns = [k for way in taken for k in way.columns]
-        so_far, had = model.gain(columns), [way.effect for way in taken]
-        left = [way for way in ways if way.effect not in had]
-        gains = [model.gain([*columns, *w.columns]) - so_far - 2 * len(w.columns) / captures for w in left]
-        best = int(np.argmax(gains)) if gains else None
-        if best is None or gains[best] < max(MIN_GAIN / captures, LEAST_SHARE * possible):
+        so_far = model.gain(columns)
+        gains = [model.gain([*columns, *w.columns]) - so_far - 2 * len(w.columns) / captures for w in ways]
+        best = int(np.argmax(gains))
+        if gains[best] < least:
             break
-        taken.append(left[best])
-        added.append(gains[best] * captures)
-    return list(zip((way.effect for way in taken), added, strict=True))
+        taken.append(ways[best])
+        ways = [way for way in ways if way.effect != taken[-1].effect]
+    return [way.effect for way in taken]
 
 
 def linear_model(search, twin, names):
     """Return (Ways of some effects, the LinearModel of them and the twin's own parameters) in a few captures."""
     (indices, groups, nu), beside = search.prepared_for(twin)
-    acting = {n: tuple(k for k in library.fitted_parameters(n) if _acts_evenly(n, k)) for n in names}
+    acting = {n: [k for k in library.fitted_parameters(n) if _acts_by_degrees(n, k)] for n in names}
     free = [(n, k) for n in names for k in acting[n]]
     effects = [*twin.effects, *((n, library.nulls_of(n)) for n in names)]
     derivatives = search.solver.derivatives(effects, free, twin.poses, indices, start_step)
-    ways = [Way(n, acting[n], None, tuple(i for i, f in enumerate(free) if f[0] == n)) for n in names if acting[n]]
+    ways = [Way(n, tuple(i for i, f in enumerate(free) if f[0] == n)) for n in names if acting[n]]
     towards = []
     for n in names:
         for start in search.problem.starts_of(n):
             if not acting[n] or _goes_elsewhere(n, start):
-                ways.append(Way(n, (), start, (len(free) + len(towards),)))
+                ways.append(Way(n, (len(free) + len(towards),)))
                 towards.append(search.solver.ways(twin.effects, [*twin.effects, (n, start)], twin.poses, indices))
     own, count = search.free(twin.effects), len(free) + len(towards)
     columns = {
@@ -135,7 +131,7 @@ def linear_model(search, twin, names):
     return ways, LinearModel(H, g, lower, upper, range(count, len(g)))
 
 
-def _acts_evenly(name, key):
+def _acts_by_degrees(name, key):
     """Return whether a parameter does something by itself, and by degrees."""
     return not spec((name, key)).auxiliary and not spec((name, key)).discrete
 
@@ -152,7 +148,7 @@ def counted(kind, index, seed):
         observe_trial(Path(folder) / "campaigns" / name, Path(folder) / "kept")
         search = Search(observed_cases(Path(folder) / "kept")[0])
     twin = search.fitted(list(search.problem.nuisances))
-    names = [n for n, _ in proposed(search, twin, [n for n in search.candidates if not is_flexible(n)])]
+    names = proposed(search, twin, [n for n in search.candidates if not is_flexible(n)])
     return [e["effect"] for e in truth["effects"]], names
 
 
@@ -164,14 +160,17 @@ def main(argv=None):
     cv2.setNumThreads(1)
     logging.disable()
     for kind, count in COUNTS.items():
-        trials = [counted(kind, index, seed) for seed in seeds for index in range(count)]
-        for hidden, names in trials:
+        trials = []
+        for seed, index in itertools.product(seeds, range(count)):
+            trials.append(counted(kind, index, seed))
+            hidden, names = trials[-1]
             print(kind, "hidden:", *hidden, "| proposed:", *names, flush=True)
         right = sum(name in hidden for hidden, names in trials for name in names)
         number = sum(len(names) for _, names in trials)
-        first = sum(names[:1] != [] and names[0] in hidden for hidden, names in trials)
-        figures = [(RIGHT[kind], f"{right} of {number}", f"of {sum(len(h) for h, _ in trials)} hidden")]
+        of = sum(len(hidden) for hidden, _ in trials)
+        figures = [(HIDDEN[kind], f"{right} of {number}", f"names; {of} effects are hidden")]
         if kind in FIRST:
+            first = sum(names[:1] != [] and names[0] in hidden for hidden, names in trials)
             figures.append((FIRST[kind], f"{first} of {len(trials)}", "cameras"))
         record(figures, f"python tests/bench/bench_together.py {' '.join(seeds)}")
 
