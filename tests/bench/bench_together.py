@@ -85,7 +85,7 @@ def proposed(search, twin, names):
     Forward selection in the derivatives of a few captures about the twin, its own parameters and poses going along.
     """
     ways, model = linear_model(search, twin, [n for n in names if n not in twin.names])
-    captures = len(search.train) / max(len(probes(search.train)), 1)
+    captures = len(search.train) / len(probes(search.train))
     possible = model.gain([k for way in ways for k in way.columns]) - model.gain(())
     least = max(MIN_GAIN / captures, LEAST_SHARE * possible)
     taken = []
@@ -142,14 +142,16 @@ def _goes_elsewhere(name, start):
 
 
 def counted(kind, index, seed):
-    """Return (names that are hidden, names that are proposed for the first twin) of one trial."""
+    """Return (names that are hidden, names that are proposed for the first twin) of one trial; none where it shows too little."""
     with tempfile.TemporaryDirectory() as folder:
         name, truth = generate_trial(Path(folder) / "campaigns", Path(folder) / "truths", kind, index, seed)
         observe_trial(Path(folder) / "campaigns" / name, Path(folder) / "kept")
         search = Search(observed_cases(Path(folder) / "kept")[0])
+    hidden = [e["effect"] for e in truth["effects"]]
+    if search.why_unusable():
+        return hidden, []
     twin = search.fitted(list(search.problem.nuisances))
-    names = proposed(search, twin, [n for n in search.candidates if not is_flexible(n)])
-    return [e["effect"] for e in truth["effects"]], names
+    return hidden, proposed(search, twin, [n for n in search.candidates if not is_flexible(n)])
 
 
 def main(argv=None):
