@@ -53,7 +53,7 @@ class Discrete:
 
         def loss(p):
             others = [*effects[:k], (name, p), *effects[k + 1 :]]
-            return self.solver.fit(others, free, poses, probes(self.train), ITERATIONS_OF_CHOICES).loss
+            return self.solver.approach(others, free, poses, probes(self.train), ITERATIONS_OF_CHOICES).loss
 
         return min(ways_of(effects, k, names).values(), key=loss)
 

@@ -7,6 +7,7 @@ image, measured by the same code as the real ones.
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -52,6 +53,28 @@ class Fit:
     cautious_errors: np.ndarray
     converged: bool
     precision: np.ndarray
+
+
+@dataclass(frozen=True)
+class Descent:
+    """Where a fit ends: residual ``groups`` of the training captures, and derivatives as they were there or shortly before."""
+
+    state: State
+    free: tuple
+    groups: dict
+    derivatives: dict
+    converged: bool
+
+    @cached_property
+    def loss(self):
+        """The loss of the training captures, priors left out."""
+        return total(self.groups, NU)
+
+    @cached_property
+    def precision(self):
+        """The Hessian (k, k) of half the loss by the free parameters, poses eliminated."""
+        priors = prior_equations(self.state.effects, self.free)
+        return normal_equations(self.derivatives, self.groups, NU, priors)[0]
 
 
 class Solver:
@@ -190,20 +213,38 @@ class Solver:
 
         return self.each(way, indices)
 
-    def fit(self, effects, free, poses, train, iterations=6, scale=1.0, with_geometry=True):
-        """Fit the free parameters [(effect, parameter), ...] and the poses of the training captures.
+    def fit(self, effects, free, poses, train, iterations=6, scale=1.0):
+        """Return the Fit of the free parameters [(effect, parameter), ...] and the poses of the training captures.
 
-        Return a Fit. ``effects`` gives the start and the fixed rest.
+        ``effects`` gives the start and the fixed rest; ``scale`` is the robust scale at which a fit of corners begins.
         """
-        effects = [(n, dict(p)) for n, p in effects]
+        return self.with_errors(self.approach(effects, free, poses, train, iterations, scale))
+
+    def with_errors(self, end):
+        """Return the Fit of a Descent."""
+        errors = cautious_errors = np.zeros(len(end.free))
+        if end.free:
+            if not end.converged:  # else derivatives are those of a step within the errors
+                effects, poses = end.state.effects, end.state.poses
+                end = replace(end, derivatives=self.derivatives(effects, end.free, poses, list(end.groups)))
+            covariance = np.linalg.pinv(end.precision + np.diag(np.full(len(end.free), 1e-12)))
+            _, precision = priors_of(end.free)
+            errors, cautious_errors = errors_of(covariance, end.derivatives, end.groups, precision, self.whiteners)
+        return Fit(end.state, end.loss, errors, cautious_errors, end.converged, end.precision)
+
+    def approach(self, effects, free, poses, train, iterations, scale=1.0):
+        """Return the Descent of a fit whose geometry is fitted to corners alone first."""
         geometric = [f for f in free if is_geometric(f)]
-        offsets = self.no_offsets()
-        if geometric and with_geometry:
-            effects, poses = self.fit_geometry(effects, geometric, poses, offsets, train, scale=scale)
+        if geometric:
+            effects, poses = self.fit_geometry(effects, geometric, poses, self.no_offsets(), train, scale=scale)
+        return self.descend(effects, free, poses, train, iterations)
+
+    def descend(self, effects, free, poses, train, iterations):
+        """Return the Descent of the free parameters and the training captures' poses: a fit without errors, from where it is."""
+        effects = [(n, dict(p)) for n, p in effects]
         groups = self.residuals_of(effects, poses, train)
         width = width_of(groups) if free else 1.0
-        errors = cautious_errors = np.zeros(len(free))
-        converged, H = not free, np.zeros((len(free), len(free)))
+        converged, derivatives = not free, {}
         lower, upper = bounds_of(free)
         damping, age = 1e-4, OLDEST_DERIVATIVES
         for _ in range(iterations):
@@ -249,14 +290,7 @@ class Solver:
                 age = OLDEST_DERIVATIVES
             if gain < STILL_FAR * loss:  # a robust loss hides what is far: come near before narrowing
                 width = max(1.0, width / 3)
-        if free:
-            if not converged:  # else they are those of a step within the errors
-                derivatives = self.derivatives(effects, free, poses, train)
-            H, _, _ = normal_equations(derivatives, groups, NU, prior_equations(effects, free))
-            covariance = np.linalg.pinv(H + np.diag(np.full(len(free), 1e-12)))
-            _, precision = priors_of(free)
-            errors, cautious_errors = errors_of(covariance, derivatives, groups, precision, self.whiteners)
-        return Fit(State(effects, poses), total(groups, NU), errors, cautious_errors, converged, H)
+        return Descent(State(effects, poses), tuple(free), groups, derivatives, converged)
 
     # -- scoring --------------------------------------------------------------------------------------------------
 
