@@ -43,7 +43,7 @@ class Search:
     """
 
     def __init__(self, problem, candidates=None, fixed=(), split=None, threads=1, store=None):
-        self.problem, self.store = problem, store
+        self.problem, self.store, self.threads = problem, store, threads
         train, test = split or split_by_station(problem)
         self.train = thinned(usable(train, problem), problem.most_captures)
         self.test = thinned(usable(test, problem), problem.most_held_out)
@@ -96,7 +96,7 @@ class Search:
         else:  # near: corners tell more than points once what their fit adds is known
             offsets = self.solver.offsets_of(effects, poses, self.train)
         effects, poses = self.solver.fit_geometry(effects, geometric, poses, offsets, self.train, scale, iterations=10)
-        return self.scored(self.solver.fit(effects, free, poses, self.train, iterations=20, with_geometry=False), free)
+        return self.scored(self.solver.with_errors(self.solver.descend(effects, free, poses, self.train, 20)), free)
 
     def scored(self, fit, free, floors=None):
         """Return the Twin of a gap.solver.Fit, its held-out poses fitted; its own floors where none are given."""
@@ -197,7 +197,7 @@ class Search:
         Asked to first order beside what else the twin has, refitted in a few captures; the most helpful is taken first.
         """
         rest = [e for e in twin.effects if e[0] != effect]
-        fit = self.solver.fit(rest, self.free(rest), twin.poses, probes(self.train), ITERATIONS_OF_RIVALS)
+        fit = self.solver.approach(rest, self.free(rest), twin.poses, probes(self.train), ITERATIONS_OF_RIVALS)
         without = replace(twin, effects=tuple(fit.state.effects), poses=fit.state.poses)
         enough = SHARE_OF_MIMICS * self._gain_of(without, [effect])([effect]).sum()
         gain_of, taken = self._gain_of(without, others), []
@@ -293,7 +293,7 @@ class Search:
         if len(starts) == 1 and not lead:
             return starts[0]
         probe, few = probes(self.train), ITERATIONS_OF_RIVALS if lead else ITERATIONS_OF_STARTS
-        fits = [self.solver.fit(s, free, twin.poses, probe, iterations=few, scale=SCALE_FROM_START) for s in starts]
+        fits = [self.solver.approach(s, free, twin.poses, probe, few, SCALE_FROM_START) for s in starts]
         best = min(fits, key=lambda f: f.loss)
         if lead and best.loss > MAX_BEHIND * self._loss(lead.twin, probe):
             return None

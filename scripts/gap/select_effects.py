@@ -3,11 +3,13 @@
 ``verdict`` is a function of its arguments alone: workflow, trials and tests call it alike.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from effects import library
+from gap.joint_way import all_at_once
+from gap.outcome import Selection, Step, outcome_of, without_unneeded
 from gap.search import MAX_PARAMETERS, MIN_GAIN, Search, confused_with, errors_to_exceed, is_significant, rank
 from gap.standing import (
     CLOSED,
@@ -16,53 +18,20 @@ from gap.standing import (
     closes_a_good_share,
     has_good_share,
     is_at_floor,
+    is_enough,
     is_open,
-    verdict_of,
 )
-from gap.twin import Twin
 
 MAX_TRIED, MAX_TRIED_AGAIN = 6, 4  # candidates that are fitted at first and in later steps; others stay at their null
 MIN_SHARE_OF_BEST = 0.03  # of the largest predicted gain: less is not fitted in this step
 MAX_SIMPLE = 3  # parameters of an effect that has no more than one form
 MAX_UNDERSTATED = 3.0  # times the predicted gain that an effect may really have
 RIVALS = 0.7  # share of the largest predicted gain from which an effect is tried that can only be another name
-MIN_SHARE_OF_GROUP = 0.6  # of the excess of one group of observables, that is enough as well
 MIN_STATIONS = 0.7  # share of held-out stations that must not lose: a highlight is not seen from everywhere
 HARDLY_CLOSED = 0.4  # share above which what helped a little gets no name
 MAX_LEFT_TOGETHER = 0.6  # of the corners' excess left, that all geometry fitted together may leave, to be tried so
 FIRST_STEPS = 3  # that are tried one after the other, until one path closes the gap well
 BUDGET = 60_000  # predictions and derivatives by images, of one capture each
-
-
-@dataclass(frozen=True)
-class Step:
-    """One step: the effect that was added, the refitted twin, and what else was tried."""
-
-    effect: str
-    twin: Twin
-    candidates: tuple
-    confused_with: tuple
-    main_group: str
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """Where a path ended: its steps, the candidates that were left, the twin it reached and the verdict on it.
-
-    ``share_left`` is of the first excess; ``within_budget`` says that the search ended by itself.
-    """
-
-    steps: tuple
-    left: tuple
-    twin: Twin
-    verdict: str
-    share_left: float
-    within_budget: bool = True
-
-    @property
-    def is_closed(self):
-        """Whether the gap itself is at the floor as it is estimated, not only most of it gone."""
-        return verdict_of(self.steps, self.twin) != "unexplained"
 
 
 def verdict(problem, effects=(), candidates=None, fixed=(), budget=BUDGET, threads=1, progress=None, store=None):
@@ -88,39 +57,13 @@ def is_flexible(name):
     return len(library.parameters_of(name)) > MAX_PARAMETERS
 
 
-@dataclass
-class Selection:
-    """A search with the sets of effects that it has had: a path that comes back to one ends.
-
-    gains  {effect: what it promised as the base's first effect}
-    """
-
-    search: Search
-    budget: int
-    gains: dict
-    progress: object = None
-
-    def __post_init__(self):
-        self.had = set()
-
-    def is_spent(self):
-        """Return whether the budget is used up."""
-        return self.search.cost > self.budget
-
-    def is_new(self, names):
-        """Return whether a set of effects was not had before, and note it."""
-        key = frozenset(names)
-        new = key not in self.had
-        self.had.add(key)
-        return new
-
-
 def concluded(selection, base, first):
     """Return the Outcome of the best of several paths from a base.
 
-    Where the best steps leave a gap, all effects that move points are fitted jointly. The best first step is not always on
-    the best way: where it leaves its own group of observables open, or comes near and does not reach the floor, the next
-    best ones are tried as well. What can mimic anything of its kind, a warp of many waves, competes only where the others
+    Where many effects are proposed together, they are fitted so first, else one is added after the other. Where the best
+    steps leave a gap, all effects that move points are fitted jointly. The best first step is not always on the best way:
+    where it leaves its own group of observables open, or comes near and does not reach the floor, the next best ones are
+    tried as well. What can mimic anything of its kind, a warp of many waves, competes only where the others
     leave a gap. Where most of the gap stays, and no step closed the group of
     observables in which it gained most, a good share of it all, what helped is a patch on something else: it gets no name.
     """
@@ -128,17 +71,9 @@ def concluded(selection, base, first):
     if selection.search.problem.floor_within > 1 and is_at_floor(base):  # as good as no repeats can tell
         return outcome_of(selection.search.problem, (), rank(first), base, before)
     rigid = [c for c in first if not is_flexible(c.effect)]
-    ways = [c for c in rank(rigid) if is_missing_from(selection.search, base, c)][:FIRST_STEPS]
-    best = path(selection, base, rigid, before)
-    if best.verdict == "unexplained" and not selection.is_spent():
-        best = _with_joint_geometry(selection, base, rigid, best, before)
-    on_another_way = best.share_left < CLOSED or (ways and is_open(best.twin, ways[0].main_group, before))
-    for way in ways[1:] if on_another_way else []:
-        if best.is_closed or selection.is_spent():
-            break
-        other = path(selection, base, rigid, before, way.effect)
-        if other.share_left < 0.5 * best.share_left:  # the way of the best steps has the benefit
-            best = other
+    best = all_at_once(selection, base, base, [c.effect for c in rigid], before)
+    if not best or best.verdict == "unexplained":
+        best = _one_by_one(selection, base, rigid, before, best)
     if best.steps and not is_at_floor(best.twin):
         best = _with_simpler(selection, base, rigid, best, before)
     if best.verdict == "unexplained" and not selection.is_spent():
@@ -155,12 +90,31 @@ def concluded(selection, base, first):
     )
 
 
+def _one_by_one(selection, base, first, before, together):
+    """Return the Outcome of the best of several paths; an Outcome ``together`` where it leaves far less."""
+    ways = [c for c in rank(first) if is_missing_from(selection.search, base, c)][:FIRST_STEPS]
+    best = path(selection, base, first, before)
+    if together and together.share_left < 0.5 * best.share_left:
+        best = together
+    if best.verdict == "unexplained" and not selection.is_spent():
+        best = _with_joint_geometry(selection, base, first, best, before)
+    on_another_way = best.share_left < CLOSED or (ways and is_open(best.twin, ways[0].main_group, before))
+    for way in ways[1:] if on_another_way else []:
+        if best.is_closed or selection.is_spent():
+            break
+        other = path(selection, base, first, before, way.effect)
+        if other.share_left < 0.5 * best.share_left:  # the way of the best steps has the benefit
+            best = other
+    return best
+
+
 def path(selection, base, first, before, start_with=None, taken=(), kept=()):
     """Return the Outcome of adding the best candidate, refitting and trying all others again, until none is missing.
 
     ``first`` are the candidates of the base, and their effects those that compete; ``start_with`` names the effect of the
     first step, the best where None; ``taken`` are steps that led to the base; ``before`` is the first excess. An earlier effect
-    that the refitted twin no longer needs is taken out, but for those of the base that are ``kept``.
+    that the refitted twin no longer needs is taken out, but for those of the base that are ``kept``. Where many others are
+    proposed together beside a step, they are fitted so.
     """
     search, twin, gains = selection.search, base, selection.gains
     steps, candidates, names = list(taken), rank(first), [c.effect for c in first]
@@ -174,7 +128,7 @@ def path(selection, base, first, before, start_with=None, taken=(), kept=()):
             candidates = [c for c in candidates if c is not best]  # beside the others, refitted, nothing of it is left
             continue
         confused = confused_with(search.problem, best, candidates)
-        twin, steps = _without_unneeded(search, adopted, {best.effect, *kept}, steps)
+        twin, steps = without_unneeded(search, adopted, {best.effect, *kept}, steps)
         steps.append(Step(best.effect, twin, tuple(candidates), tuple(confused), best.main_group))
         if selection.progress:
             selection.progress(best.effect, search.cost / selection.budget)
@@ -183,24 +137,11 @@ def path(selection, base, first, before, start_with=None, taken=(), kept=()):
             break
         if not selection.is_new(twin.names):
             break
+        together = all_at_once(selection, base, twin, names, before, steps) if not taken else None
+        if together and together.verdict == "explained":
+            return together
         candidates, gains = try_beside_others(search, twin, names, gains)
     return outcome_of(search.problem, steps, rank(candidates), twin, before)
-
-
-def outcome_of(problem, steps, left, twin, before):
-    """Return the Outcome of steps that led to a twin of a problem; ``before`` is the first excess {group: loss}."""
-    share = sum(twin.excess.values()) / max(sum(before.values()), 1.0)
-    verdict = verdict_of(steps, twin, share, problem.floor_within)
-    return Outcome(tuple(steps), tuple(left), twin, verdict, share)
-
-
-def _without_unneeded(search, twin, kept, steps):
-    """Return (Twin, steps) without the effects that the refitted twin no longer needs, one at a time, but for those ``kept``."""
-    for name in twin.names:
-        rest = search.without_unneeded(twin, name) if name not in kept and not search.is_fixed(name) else None
-        if rest:
-            return _without_unneeded(search, rest, kept, [s for s in steps if s.effect != name])
-    return twin, steps
 
 
 def _with_joint_geometry(selection, base, first, best, before):
@@ -217,7 +158,7 @@ def _with_joint_geometry(selection, base, first, best, before):
     others = [c.effect for c in first if c.effect not in names]
     candidates, _ = try_promising(search, together, others, MAX_TRIED)
     further = path(selection, together, candidates, before, kept=names)
-    twin, _ = _without_unneeded(search, _without_idle(search, further.twin, names), (), [])
+    twin, _ = without_unneeded(search, _without_idle(search, further.twin, names), (), [])
     moving = [Step(n, twin, (), (), "corners") for n in twin.names if n in names]
     steps = [*moving, *(s for s in further.steps if s.effect in twin.names)]
     steps = _refitted(search, base, steps, twin)
@@ -387,13 +328,3 @@ def is_missing(candidate, excess, share):
 def least_gain(name):
     """Return the gain in loss that an effect needs, each parameter charged."""
     return MIN_GAIN + 2 * len(library.parameters_of(name))
-
-
-def is_enough(by_group, gain, least, excess, share):
-    """Return whether a gain, ``by_group`` of observables, is a ``share`` of all that is left (``excess``) or most of a group's.
-
-    The latter only if it is ``least`` or more.
-    """
-    if gain > share * sum(excess.values()):
-        return True
-    return any(g > max(least, MIN_SHARE_OF_GROUP * excess.get(name, 0.0)) for name, g in by_group.items())

@@ -6,6 +6,7 @@ from gap.residuals import GROUPS
 from gap.score import excess_of
 
 MIN_SHARE = 0.15  # of what is left above the floor, that a candidate must gain: less is a patch on a wrong form
+MIN_SHARE_OF_GROUP = 0.6  # of the excess of one group of observables, that is enough as well
 CLOSED = 0.2  # share of the first excess up to which the gap is closed, though above the floor
 MAX_ALLOWANCE = 0.1  # for what captures disagree about
 MAX_CLOSED_GAP = 2.0  # gap, in units of the floor, that is open whatever it was at first
@@ -16,6 +17,16 @@ def is_at_floor(twin):
     """Return whether every group of observables, poses too, is at its floor: what helps further has nothing to explain."""
     floors = {name: MAX_FLOOR_GAP * twin.floors.get(name, 1.0) for name in GROUPS}
     return not any(excess_of(twin.groups, floors).values())
+
+
+def is_enough(by_group, gain, least, excess, share):
+    """Return whether a gain, ``by_group`` of observables, is a ``share`` of all that is left (``excess``) or most of a group's.
+
+    The latter only if it is ``least`` or more.
+    """
+    if gain > share * sum(excess.values()):
+        return True
+    return any(g > max(least, MIN_SHARE_OF_GROUP * excess.get(name, 0.0)) for name, g in by_group.items())
 
 
 def has_good_share(group, before):

@@ -8,10 +8,11 @@ from cases import case_of_several, generated_case
 
 from effects import library, pipeline
 from gap.discrete import Discrete
+from gap.outcome import Selection, Step, outcome_of
 from gap.residuals import LOST_PLATE, flatten
 from gap.score import overall_gap
 from gap.search import Search, errors_to_exceed, is_significant
-from gap.select_effects import Selection, Step, _with_joint_geometry, _with_simpler, _without_idle, outcome_of, verdict
+from gap.select_effects import _with_joint_geometry, _with_simpler, _without_idle, verdict
 from gap.split import split_by_station
 from gap.standing import verdict_of
 

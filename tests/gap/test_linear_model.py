@@ -1,9 +1,9 @@
-"""What effects would explain together, to first order: the linear model of tests/bench/bench_together.py."""
+"""What effects would explain together, to first order."""
 
 import numpy as np
 import pytest
 
-from bench_together import LinearModel
+from gap.linear_model import MAX_COLUMNS, LinearModel, Way, _rivals, _simpler
 
 H, G = np.array([[4.0, 2.0, 0.0], [2.0, 4.0, 0.0], [0.0, 0.0, 1.0]]), np.array([8.0, 8.0, -3.0])
 
@@ -28,3 +28,24 @@ def test_a_gain_is_counted_beside_what_the_twin_has_already():
     """Fails if the twin's own parameters do not go along."""
     model = LinearModel(H, G, np.full(3, -np.inf), np.full(3, np.inf), own=(0,))
     assert model.gain([1]) - model.gain([]) == pytest.approx(64 / 3 - 16, rel=1e-5)
+
+
+CURVE, EXPOSURE, BLUR = (
+    Way("tone_curve", (), None, tuple(range(8))),
+    Way("exposure", (), None, (8,)),
+    Way("lens_blur", (), None, (9,)),
+)
+
+
+@pytest.mark.parametrize(("gain", "chosen"), [(8.0, 1), (6.0, 0)], ids=["mimics", "is no match"])
+def test_a_curve_gives_way_to_what_explains_nearly_as_much(gain, chosen):
+    """Fails if a curve of many knots is proposed where one number does, a blur that is no curve takes its place, or anything."""
+    assert len(CURVE.columns) > MAX_COLUMNS
+    assert _simpler([CURVE, EXPOSURE, BLUR], [10.0, gain, 9.9], 0) == chosen
+
+
+def test_rivals_are_what_adds_nearly_as_much_in_an_effects_place():
+    """Fails if what is small beside the others, what affects something else, or an effect itself is a rival."""
+    ways = [Way(n, (), None, (k,)) for k, n in enumerate(["exposure", "vignetting", "veiling_glare", "lens_blur"])]
+    model = LinearModel(np.eye(4), np.array([4.0, 3.9, 2.0, 4.0]), np.full(4, -np.inf), np.full(4, np.inf), ())
+    assert _rivals(model, ways[0], ways[:1], ways[1:]) == ["vignetting"]

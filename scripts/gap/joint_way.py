@@ -1,0 +1,279 @@
+"""Many effects at once: what is proposed together is fitted jointly, round by round, until the gap is closed.
+
+Rounds are short fits that propose; names and their values come from the full fit of all that was found, and from taking each
+out of it.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from gap.evidence import evidence_of
+from gap.linear_model import LEAST_SHARE, proposed
+from gap.outcome import Selection, Step, outcome_of, without_unneeded
+from gap.parameters import get_parameter, is_geometric, spec
+from gap.residuals import GROUPS
+from gap.search import (
+    CLEAR_EVIDENCE,
+    MAX_STARTS,
+    MIN_GAIN,
+    SCALE_FROM_NEAR,
+    SCALE_FROM_START,
+    Search,
+    is_significant,
+    rank,
+)
+from gap.solver import Fit, State
+from gap.split import probes
+from gap.standing import CLOSED, MIN_SHARE, MIN_SHARE_OF_GROUP, is_at_floor, is_enough
+from gap.twin import Candidate
+
+MANY = 3  # effects that are proposed at once: fewer are looked for one by one
+MAX_ROUNDS = 6
+MIN_PLATES = 12  # of a capture, of which rounds leave out every other one
+MOST_OF_ALL = 0.5  # share of what is left that a round need not exceed, and below which an effect is taken out to see
+FIRST_ITERATIONS, FURTHER_ITERATIONS = 9, 3  # of a round's fit, and after a change to it
+
+
+def all_at_once(selection, base, twin, names, before, taken=()):
+    """Return the Outcome of many effects added together, where so many of ``names`` are proposed for a twin; else None.
+
+    What is proposed is fitted jointly, round by round, and what is then not needed is taken out, of what led from ``base`` to
+    the twin, the Steps ``taken``, as well. ``before`` is the first excess.
+    """
+    search = selection.search
+    if search.problem.is_board or is_at_floor(twin):
+        return None
+    few = _with_fewer_plates(search)
+    first = proposed(few, twin, names)
+    if len(first.effects) >= MANY:
+        ahead = Selection(few, selection.budget - search.cost, {}, selection.progress)
+        found, order, alike = _found(ahead, _seen(few, base), _seen(few, twin), names, first)
+    search.solver.cost += few.cost
+    if len(first.effects) < MANY:
+        return None
+    found = search.fitted(found.effects, found.poses)
+    idle = [n for n in _added(found, base) if _is_idle(search, found.effects, n, found.evidence)]
+    if idle:
+        found = search.fitted([e for e in found.effects if e[0] not in idle], found.poses)
+    found, _ = without_unneeded(search, found, base.names, [])
+    found = _without_patches(search, found, base)
+    steps = _steps_to(search, base, found, [*(s.effect for s in taken), *order])
+    known = {s.effect: s for s in taken}
+    steps = [_told_apart(step, known.get(step.effect), alike.get(step.effect, []), found) for step in steps]
+    left = [search.null_candidate(found, n) for n in names if n not in found.names]
+    return outcome_of(search.problem, steps, rank(left), found, before)
+
+
+def _with_fewer_plates(search):
+    """Return the Search for what every other plate shows: rounds ask what is there, not how much exactly."""
+    captures = []
+    for capture in search.problem.captures:
+        measured = capture.observation.measured.copy()
+        if measured.sum() >= MIN_PLATES:
+            measured[np.flatnonzero(measured)[1::2]] = False
+        captures.append(replace(capture, observation=replace(capture.observation, measured=measured)))
+    few = replace(search.problem, captures=captures)
+    return Search(few, search.candidates, search.fixed, (search.train, search.test), search.threads)
+
+
+def _seen(search, twin):
+    """Return a Twin as the captures of another search see it."""
+    poses, groups = search.solver.score(list(twin.effects), twin.poses, search.test)
+    return replace(twin, poses=poses, groups=groups, floors=search.problem.floors_of(groups))
+
+
+def _found(selection, base, here, names, proposal):
+    """Return (Twin of all that several rounds found, the order in which names were proposed, {name: effects [(name, p)] that
+    do as well in its place}).
+    """
+    search, order, dropped, alike, at = selection.search, [], set(), {}, None
+    for _ in range(MAX_ROUNDS):
+        if not proposal.effects or dropped.issuperset(proposal.names) or selection.is_spent():
+            break
+        order += [n for n in proposal.names if n not in order]
+        if selection.progress:
+            selection.progress(", ".join(proposal.names), search.cost / selection.budget)
+        end, as_good = _fitted_in(search, here, proposal)
+        evidence = evidence_of(end.state.effects, end.free, end.precision)
+        idle = [n for n in proposal.names if _is_idle(search, end.state.effects, n, evidence)]
+        if idle:
+            dropped |= set(idle)
+            end = _descended(
+                search, [e for e in end.state.effects if e[0] not in idle], end.state.poses, SCALE_FROM_NEAR
+            )
+        there = _standing(search, base, end)
+        added = _added(there, here)
+        patches = [n for n in added if _is_patch(search, there, end, n)]
+        if not set(added) - set(patches):
+            break
+        if patches:
+            dropped |= set(patches)
+            end = _descended(
+                search, [e for e in end.state.effects if e[0] not in patches], end.state.poses, SCALE_FROM_NEAR
+            )
+            there = _standing(search, base, end)
+        if not _closes_enough(here, there, min(MIN_SHARE * len(_added(there, here)), MOST_OF_ALL)):
+            break
+        here, at, alike = there, end, alike | as_good
+        if is_at_floor(here):
+            break
+        mostly_closed = sum(here.excess.values()) < CLOSED * sum(base.excess.values())
+        proposal = proposed(search, here, names, MIN_SHARE if mostly_closed else LEAST_SHARE)
+    return (_pruned(search, base, here, at) if at else here), order, alike
+
+
+def _pruned(search, base, twin, end):
+    """Return the Twin of a Descent without what it does not need: the weakest first, all others refitted shortly."""
+    evidence = evidence_of(end.state.effects, end.free, end.precision)
+    for name in sorted(_added(twin, base), key=lambda n: (evidence.get(n, np.inf), n)):
+        if evidence.get(name, np.inf) > CLEAR_EVIDENCE * MIN_GAIN or search.is_fixed(name):
+            break
+        rest = _descended(search, [e for e in end.state.effects if e[0] != name], end.state.poses, SCALE_FROM_NEAR)
+        without = _standing(search, base, rest)
+        if sum(without.losses.values()) < sum(twin.losses.values()) + MIN_GAIN:
+            return _pruned(search, base, without, rest)
+    return twin
+
+
+def _added(twin, base):
+    return [n for n in twin.names if n not in base.names]
+
+
+def _closes_enough(before, after, share=MIN_SHARE):
+    """Return whether a twin closes a share of what another leaves open, or most of a group of observables."""
+    gains = {group: before.excess[group] - left for group, left in after.excess.items()}
+    return is_enough(gains, sum(gains.values()), MIN_GAIN, before.excess, share)
+
+
+def _is_patch(search, twin, end, name):
+    """Return whether an effect of a Descent brings, to second order, too little of a gap that its Twin leaves open.
+
+    Beside all that is left, and beside what is left of the group of observables that it changes most.
+    """
+    if search.problem.shows(name):
+        return False
+    mine = [k for k, (effect, _) in enumerate(end.free) if effect == name]
+    away = np.array([get_parameter(end.state.effects, end.free[k]) - spec(end.free[k]).null for k in mine])
+    changes = dict.fromkeys(GROUPS, 0.0)
+    for i, groups in end.groups.items():
+        change, at = end.derivatives[i][0][:, mine] @ away, 0
+        for group in GROUPS:
+            if group in groups:
+                changes[group] += float((change[at : at + groups[group].size] ** 2).sum())
+                at += groups[group].size
+    brought = evidence_of(end.state.effects, end.free, end.precision)[name] * len(search.test) / len(end.groups)
+    of_group = MIN_SHARE_OF_GROUP / (1 - MIN_SHARE_OF_GROUP) * twin.excess.get(max(changes, key=changes.get), 0.0)
+    return brought < min(of_group, MIN_SHARE / (1 - MIN_SHARE) * sum(twin.excess.values()))
+
+
+def _without_patches(search, twin, base):
+    """Return the Twin, refitted, without effects that close little of a gap that stays open: patches on a wrong form."""
+    for name in sorted(_added(twin, base), key=lambda n: (twin.evidence.get(n, np.inf), n)):
+        if is_at_floor(twin) or twin.evidence.get(name, np.inf) > MOST_OF_ALL / (1 - MOST_OF_ALL) * sum(
+            twin.excess.values()
+        ):
+            break
+        rest = search.fitted([e for e in twin.effects if e[0] != name], twin.poses)
+        if not _closes_enough(rest, twin):
+            twin = rest
+    return twin
+
+
+def _is_idle(search, effects, name, evidence):
+    """Return whether an effect is worth nothing to second order; what the captures show by themselves is not asked."""
+    if search.problem.shows(name) or search.is_fixed(name):
+        return False
+    return evidence.get(name, 0.0) < MIN_GAIN or not is_significant(name, dict(effects)[name], {})
+
+
+def _fitted_in(search, twin, proposal):
+    """Return (Descent of a twin with all effects of a Proposal, {name: [(other, p)] that do as well in its place}).
+
+    Whole values and rivals are compared beside all the others.
+    """
+    new = search.free(proposal.effects)
+    end = _descended(search, [*twin.effects, *proposal.effects], twin.poses, SCALE_FROM_START, FIRST_ITERATIONS, new)
+    effects = list(search.discrete.compared_once_more(end.state.effects, None, end.state.poses))
+    for name in proposal.names:
+        effects = search.discrete.with_choices(name, State(effects, end.state.poses))
+    if effects != list(end.state.effects) or search.free(twin.effects):
+        end = _descended(search, effects, end.state.poses, SCALE_FROM_START)
+    alike = {}
+    for name in proposal.names:
+        rivals = [n for n in proposal.rivals[name] if n not in dict(end.state.effects)]
+        if rivals:
+            end, kept, as_good = _exchanged(search, end, name, rivals)
+            alike[kept] = as_good
+    return end, alike
+
+
+def _descended(search, effects, poses, scale, iterations=FURTHER_ITERATIONS, moving=None):
+    """Return the Descent of all that is free of some effects, or of the parameters ``moving``; geometry from corners first."""
+    free = search.free(effects)
+    offsets = search.solver.offsets_of(effects, poses, search.train)
+    geometric = [f for f in free if is_geometric(f)]
+    free = moving or free
+    effects, poses = search.solver.fit_geometry(effects, geometric, poses, offsets, search.train, scale, iterations=10)
+    return search.solver.descend(effects, free, poses, probes(search.train), iterations)
+
+
+def _exchanged(search, end, name, rivals):
+    """Return (Descent in which an effect or one of its rivals has its place, whichever leaves least, its name, the others
+    [(name, p)] that leave as little): all fitted as long.
+    """
+    effects, poses = end.state.effects, end.state.poses
+    others = [e for e in effects if e[0] != name]
+    ends = {}
+    for rival in rivals:
+        starts = search.problem.starts_of(rival)[:MAX_STARTS]
+        trials = [_descended(search, [*others, (rival, start)], poses, SCALE_FROM_NEAR) for start in starts]
+        ends[rival] = min(trials, key=_loss)
+    if min(map(_loss, ends.values())) < end.loss + MIN_GAIN:
+        end = min(end, _descended(search, effects, poses, SCALE_FROM_NEAR), key=_loss)
+    ends[name] = end
+    kept = min(sorted(ends), key=lambda n: ends[n].loss)
+    near = [n for n in sorted(ends) if n != kept and ends[n].loss < ends[kept].loss + MIN_GAIN]
+    return ends[kept], kept, [(n, dict(ends[n].state.effects)[n]) for n in near]
+
+
+def _loss(end):
+    return end.loss
+
+
+def _told_apart(step, known, alike, twin):
+    """Return a Step with what its effect cannot be told from: as a Step ``known`` of the same says, or what did as well."""
+    if known:
+        return replace(step, candidates=known.candidates, confused_with=known.confused_with)
+    alike = [e for e in alike if e[0] not in twin.names]
+    in_place = [Candidate(step.effect, dict(twin.effects)[step.effect], twin, twin.floors, True)]
+    for name, p in alike:
+        effects = tuple((name, p) if e[0] == step.effect else e for e in twin.effects)
+        in_place.append(Candidate(name, p, replace(twin, effects=effects), twin.floors, True))
+    return replace(step, candidates=tuple(in_place), confused_with=tuple(n for n, _ in alike))
+
+
+def _standing(search, base, end):
+    """Return the Twin of a Descent as far as held-out captures tell it, in the base's floors."""
+    poses, groups = search.solver.score(end.state.effects, end.state.poses, search.test)
+    return replace(base, effects=tuple(end.state.effects), poses=poses, groups=groups, loss=end.loss)
+
+
+def _steps_to(search, base, twin, order):
+    """Return the Steps from a base to a Twin, in the order in which effects were proposed, with the Twin's own values."""
+    steps, before = [], base
+    names = sorted(_added(twin, base), key=[*order, *twin.names].index)
+    for k, name in enumerate(names):
+        effects = [e for e in twin.effects if e[0] in {*base.names, *names[: k + 1]}]
+        after = twin if k == len(names) - 1 else _valued(search, effects, twin)
+        gains = {group: before.excess.get(group, 0.0) - left for group, left in after.excess.items()}
+        steps.append(Step(name, after, (), (), max(gains, key=gains.get)))
+        before = after
+    return steps
+
+
+def _valued(search, effects, twin):
+    """Return the Twin of some of a Twin's effects with the values that they have there."""
+    none = np.zeros(0)
+    fit = Fit(State(effects, twin.poses), twin.loss, none, none, twin.converged, np.zeros((0, 0)))
+    return search.scored(fit, [], twin.floors)

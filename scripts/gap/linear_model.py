@@ -1,0 +1,188 @@
+"""Which effects explain together, to first order, what a twin leaves open: forward selection without a fit.
+
+Beside other large effects the robust loss hides what each one is worth: one by one they come slowly, or not at all.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from effects import library
+from gap.evidence import start_step
+from gap.normal_equations import normal_equations
+from gap.parameters import prior_equations, spec
+from gap.search import MIN_GAIN
+from gap.split import probes
+
+MAX_TOGETHER = 9  # effects that are proposed at once
+LEAST_SHARE = 0.03  # of all that could be gained to first order, that is proposed at first
+RIVAL_SHARE = 0.7  # of what the chosen one adds, from which another effect of its kind may be the better name
+MAX_COLUMNS = 6  # of a way that stands for itself: a curve of more knots stands for much else
+SHORTEST, LONGEST = 0.1, 1.5  # of the way to a start, that a first guess goes at least and at most
+
+
+@dataclass(frozen=True)
+class Way:
+    """One form in which an effect may be missing, with its columns in the linear model.
+
+    ``start`` is None where the columns are those of ``parameters`` about their nulls, else the one column goes there.
+    """
+
+    effect: str
+    parameters: tuple
+    start: dict | None
+    columns: tuple
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """Effects [(name, first guess of the parameters)] and {name: other names of its kind that promise nearly as much}."""
+
+    effects: list
+    rivals: dict = field(default_factory=dict)
+
+    @property
+    def names(self):
+        """The names of its effects, best first."""
+        return [name for name, _ in self.effects]
+
+
+class LinearModel:
+    """What a twin's residuals look like in the derivatives by many effects: normal equations, poses eliminated.
+
+    Columns are scaled to a unit diagonal. A parameter whose null is one of its bounds steps to the other side only.
+    """
+
+    def __init__(self, H, g, lower, upper, own):
+        self.scale = np.sqrt(np.maximum(np.diag(H), 1e-12))
+        self.H, self.g = H / np.outer(self.scale, self.scale), g / self.scale
+        self.lower, self.upper, self.own = lower, upper, own
+
+    def gain(self, columns):
+        """Return the loss that some columns and the twin's own would gain."""
+        return self._solved(columns)[1]
+
+    def steps(self, columns):
+        """Return {column: step of its parameter}."""
+        return {k: d / self.scale[k] for k, d in self._solved(columns)[0].items()}
+
+    def _solved(self, columns):
+        """Return ({column: scaled step}, gain): what would leave its bounds at once is left out, the largest step first."""
+        left = [*columns, *self.own]
+        while left:
+            d = np.linalg.solve(self.H[np.ix_(left, left)] + 1e-6 * np.eye(len(left)), self.g[left])
+            out = np.array(
+                [(self.lower[k] >= 0 and s < 0) or (self.upper[k] <= 0 and s > 0) for k, s in zip(left, d, strict=True)]
+            )
+            if not out.any():
+                return dict(zip(left, d, strict=True)), float(self.g[left] @ d)
+            left.pop(int(np.argmax(np.where(out, np.abs(d), -1.0))))
+        return {}, 0.0
+
+
+def proposed(search, twin, names, least_share=LEAST_SHARE):
+    """Return the Proposal of those of ``names`` that explain most together of what a twin leaves open.
+
+    Forward selection in the derivatives of a few captures about the twin, its own parameters and poses going along. What adds
+    less than a share of all that could be gained is not proposed.
+    """
+    ways, model = linear_model(search, twin, [n for n in names if n not in twin.names])
+    captures = len(search.train) / len(probes(search.train))
+    possible = model.gain([k for way in ways for k in way.columns]) - model.gain(())
+    least = max(MIN_GAIN / captures, least_share * possible)
+    taken, left = [], ways
+    while left and len(taken) < MAX_TOGETHER:
+        columns = [k for way in taken for k in way.columns]
+        so_far = model.gain(columns)
+        gains = [model.gain([*columns, *w.columns]) - so_far - 2 * len(w.columns) / captures for w in left]
+        best = int(np.argmax(gains))
+        if gains[best] < least:
+            break
+        best = _simpler(left, gains, best)
+        taken.append(left[best])
+        left = [way for way in left if way.effect != taken[-1].effect]
+    steps = model.steps([k for way in taken for k in way.columns])
+    guesses = [(way.effect, _first_guess(search, twin, way, steps)) for way in taken]
+    return Proposal(guesses, {way.effect: _rivals(model, way, taken, left) for way in taken})
+
+
+def _simpler(ways, gains, best):
+    """Return the index of the best of simpler ways that affect the same as the best one and add nearly as much; else its own."""
+    if len(ways[best].columns) <= MAX_COLUMNS:
+        return best
+    alike = [k for k, w in enumerate(ways) if library.affects(w.effect) == library.affects(ways[best].effect)]
+    simple = [k for k in alike if len(ways[k].columns) <= MAX_COLUMNS and gains[k] > RIVAL_SHARE * gains[best]]
+    return max(simple, key=lambda k: gains[k], default=best)
+
+
+def _rivals(model, way, taken, left):
+    """Return the names of those left that affect what a taken one does, and in its place add nearly as much to the others."""
+    others = [k for w in taken if w is not way for k in w.columns]
+    without = model.gain(others)
+    enough = RIVAL_SHARE * (model.gain([*others, *way.columns]) - without)
+    alike = [w for w in left if library.affects(w.effect) == library.affects(way.effect)]
+    return sorted({w.effect for w in alike if model.gain([*others, *w.columns]) - without > enough})
+
+
+def linear_model(search, twin, names):
+    """Return (Ways of some effects, the LinearModel of them and the twin's own parameters) in a few captures."""
+    (indices, groups, nu), beside = search.prepared_for(twin)
+    acting = {n: tuple(k for k in library.fitted_parameters(n) if _acts_by_degrees(n, k)) for n in names}
+    free = [(n, k) for n in names for k in acting[n]]
+    effects = [*twin.effects, *((n, library.nulls_of(n)) for n in names)]
+    derivatives = search.solver.derivatives(effects, free, twin.poses, indices, start_step)
+    ways = [Way(n, acting[n], None, tuple(i for i, f in enumerate(free) if f[0] == n)) for n in names if acting[n]]
+    towards = []
+    for n in names:
+        for start in search.problem.starts_of(n):
+            if not acting[n] or _goes_elsewhere(n, start):
+                ways.append(Way(n, (), start, (len(free) + len(towards),)))
+                towards.append(search.solver.ways(twin.effects, [*twin.effects, (n, start)], twin.poses, indices))
+    own, count = search.free(twin.effects), len(free) + len(towards)
+    columns = {
+        i: (np.hstack([derivatives[i][0], *(t[i][0] for t in towards), beside[i]]), derivatives[i][1]) for i in indices
+    }
+    prior, pull = np.zeros((count + len(own),) * 2), np.zeros(count + len(own))
+    for part, some in ((slice(len(free)), free), (slice(count, None), own)):
+        if some:
+            prior[part, part], pull[part] = prior_equations(effects, some)
+    H, g, _ = normal_equations(columns, groups, nu, (prior, pull))
+    lower, upper = np.full(len(g), -np.inf), np.full(len(g), np.inf)
+    lower[: len(free)] = [spec(f).lower - spec(f).null for f in free]
+    upper[: len(free)] = [spec(f).upper - spec(f).null for f in free]
+    lower[len(free) : count] = 0.0
+    return ways, LinearModel(H, g, lower, upper, range(count, len(g)))
+
+
+def _acts_by_degrees(name, key):
+    """Return whether a parameter does something by itself, and by degrees."""
+    return not spec((name, key)).auxiliary and not spec((name, key)).discrete
+
+
+def _goes_elsewhere(name, start):
+    """Return whether a start moves what only says how an effect acts: where a lamp is, how far a filter reaches."""
+    return any(value != spec((name, key)).null for key, value in start.items() if spec((name, key)).auxiliary)
+
+
+def _first_guess(search, twin, way, steps):
+    """Return the parameters from which a fit of a Way starts: as far as the linear model goes."""
+    bounds = {key: spec((way.effect, key)) for key in library.nulls_of(way.effect)}
+    nulls, first = library.nulls_of(way.effect), search.problem.starts_of(way.effect)[0]
+    if search.problem.shows(way.effect):
+        return first
+    leaping = [key for key, s in bounds.items() if s.discrete and not s.auxiliary]
+    if leaping:
+        return search.discrete.best_values(way.effect, nulls, list(twin.effects), leaping, twin.poses)
+    if way.start is None:
+        moves = dict(zip(way.parameters, (steps.get(k, 0.0) for k in way.columns), strict=True))
+        if not any(moves.values()):
+            return first
+        values = {key: nulls[key] + moves.get(key, 0.0) for key in nulls}
+        values |= {key: first[key] for key, s in bounds.items() if s.auxiliary}
+    else:
+        share = float(np.clip(steps.get(way.columns[0], 0.0), SHORTEST, LONGEST))
+        values = {
+            key: value if bounds[key].auxiliary else nulls[key] + share * (value - nulls[key])
+            for key, value in way.start.items()
+        }
+    return {key: float(np.clip(value, bounds[key].lower, bounds[key].upper)) for key, value in values.items()}

@@ -1,0 +1,121 @@
+"""Many effects at once, on campaigns made by an image formation that shares no code with the fit."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from cases import case_of_several, generated_case
+
+from effects import library
+from gap import joint_way
+from gap.joint_way import _exchanged, _is_patch, _told_apart, all_at_once
+from gap.outcome import Selection, Step
+from gap.search import Search
+from gap.twin import Twin
+
+SIX = ["exposure", "focal_length", "lens_blur", "principal_point", "radial_distortion", "sensor_noise"]
+OTHERS = ["defocus", "marker_scale", "tone_curve", "vignetting"]
+
+
+def found_together(case, names):
+    """Return the Outcome of adding what is proposed of some effects together; None where too little is."""
+    search = Search(case)
+    base = search.fitted([])
+    return all_at_once(Selection(search, 60_000, {}), base, base, names, base.excess)
+
+
+@pytest.fixture(scope="module")
+def six(tmp_path_factory):
+    return found_together(case_of_several(tmp_path_factory.mktemp("six"), SIX, size="small"), [*SIX, *OTHERS])
+
+
+def test_six_effects_at_once_come_back_exactly(six):
+    """Fails if one of six hidden effects is missed, or another one named beside them."""
+    assert sorted(step.effect for step in six.steps) == SIX
+    assert six.verdict == "explained"
+
+
+def test_each_step_adds_one_effect_with_the_last_twins_values(six):
+    """Fails if a step shows more than its own effect, or other values than those that are told in the end."""
+    assert [len(step.twin.names) for step in six.steps] == [1, 2, 3, 4, 5, 6]
+    last = dict(six.twin.effects)
+    assert all(p == last[name] for step in six.steps for name, p in step.twin.effects)
+
+
+def test_an_effect_outside_the_library_gets_no_names(tmp_path):
+    """Fails if several effects that together close a little of a lens flare are called its explanation."""
+    case, truth = generated_case(tmp_path, "outside", seed="gorse", index=1, size="standard")
+    assert [e["effect"] for e in truth["effects"]] == ["lens_flare"]
+    names = ["tone_curve", "illumination_gradient", "specular_highlight", "vignetting"]
+    assert found_together(case, names).steps == ()
+
+
+def test_few_effects_are_looked_for_one_by_one(tmp_path):
+    """Fails if a camera with one effect is taken for one with many."""
+    case, _ = generated_case(tmp_path, "single", "lens_blur")
+    assert found_together(case, ["lens_blur", "exposure", "vignetting", "focal_length"]) is None
+
+
+def descent(loss, name):
+    return SimpleNamespace(
+        loss=loss, state=SimpleNamespace(effects=[("exposure", {"scale": 1.1}), (name, {})], poses=None)
+    )
+
+
+@pytest.mark.parametrize(
+    ("loss_px", "kept", "as_good"),
+    [
+        (500.0, "defocus", []),
+        (990.0, "defocus", ["lens_blur"]),
+        (1010.0, "lens_blur", ["defocus"]),
+        (2000.0, "lens_blur", []),
+    ],
+)
+def test_the_name_is_that_of_what_leaves_least(monkeypatch, loss_px, kept, as_good):
+    """Fails if a rival that leaves less does not take the name, or what leaves as little is not told."""
+    losses = {"defocus": loss_px, "lens_blur": 1000.0}
+    monkeypatch.setattr(
+        joint_way, "_descended", lambda _, effects, *__: descent(losses[effects[-1][0]], effects[-1][0])
+    )
+    search = SimpleNamespace(problem=SimpleNamespace(starts_of=library.starts_of))
+    end, name, others = _exchanged(search, descent(1000.0, "lens_blur"), "lens_blur", ["defocus"])
+    assert (end.state.effects[-1][0], name) == (kept, kept)
+    assert [n for n, _ in others] == as_good
+
+
+@pytest.mark.parametrize(
+    ("left", "patch"),
+    [({"levels": 1.0}, False), ({"levels": 900.0, "corners": 1e5}, True), ({"corners": 900.0}, False)],
+    ids=["nothing is left", "hardly anything of much", "most of its own group"],
+)
+def test_a_patch_brings_little_of_what_stays_open(left, patch):
+    """Fails if an effect keeps its name that closes a small part of a gap, or loses it for another group's gap."""
+    twin = SimpleNamespace(
+        excess=dict.fromkeys(["levels", "corners", "edges", "noise", "field", "colour", "pose"], 0.0) | left
+    )
+    groups = {"corners": np.zeros((1, 2)), "levels": np.zeros((1, 2))}
+    state = SimpleNamespace(effects=[("exposure", {"scale": 1.1})])
+    end = SimpleNamespace(
+        state=state,
+        free=[("exposure", "scale")],
+        groups={0: groups},
+        derivatives={0: (np.array([[0.0], [0.0], [1.0], [1.0]]), None)},
+        precision=np.array([[1e4]]),  # 0.1 from its null: evidence 100
+    )
+    search = SimpleNamespace(test=[1], problem=SimpleNamespace(shows=lambda name: {}))
+    assert _is_patch(search, twin, end, "exposure") == patch
+
+
+def test_what_did_as_well_is_told_with_a_twin_in_its_place():
+    """Fails if a group of names loses one, keeps one that the twin has anyway, or the next station cannot tell them apart."""
+    twin = replace(base_twin(), effects=(("lens_blur", {"sigma_px": 1.0}), ("exposure", {"scale": 1.1})))
+    step = Step("lens_blur", twin, (), (), "edges")
+    told = _told_apart(step, None, [("defocus", {"focus_m": 1.0}), ("exposure", {})], twin)
+    assert told.confused_with == ("defocus",)
+    assert [c.twin.names for c in told.candidates] == [["lens_blur", "exposure"], ["defocus", "exposure"]]
+    assert _told_apart(step, told, [], twin).confused_with == ("defocus",)
+
+
+def base_twin():
+    return Twin((), np.zeros((0, 6)), {}, {}, {}, {}, {}, 0.0, True)
