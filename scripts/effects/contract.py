@@ -10,7 +10,7 @@ import effects
 from effects.base import AFFECTED, PLACE, STAGES, Parameter
 from rig.errors import InputError
 
-SHARED_MODULES = ("base", "contract", "encoding", "filters", "library", "pipeline", "resampling")
+SHARED_MODULES = ("base", "contract", "encoding", "filters", "library", "pipeline", "quantisation", "resampling")
 HOOKS = {  # functions that an effect may have, with their parameters
     "change_scene": ("scene", "p"),
     "map_points": ("xy", "view", "p", "channel"),

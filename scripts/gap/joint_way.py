@@ -30,7 +30,7 @@ from gap.twin import Candidate
 
 MANY = 3  # effects that are proposed at once: fewer are looked for one by one
 MAX_ROUNDS = 6
-MIN_PLATES = 12  # of a capture, of which rounds leave out every other one
+MIN_PLATES = 12  # of a capture, of which rounds leave out half
 MOST_OF_ALL = 0.5  # share of what is left that a round need not exceed, and below which an effect is taken out to see
 FIRST_ITERATIONS, FURTHER_ITERATIONS = 9, 3  # of a round's fit, and after a change to it
 
@@ -66,21 +66,23 @@ def all_at_once(selection, base, twin, names, before, taken=()):
 
 
 def _with_fewer_plates(search):
-    """Return the Search for what every other plate shows: rounds ask what is there, not how much exactly."""
+    """Return the Search for what half of the plates show, in all captures the same: rounds ask what is there, not how much."""
     captures = []
     for capture in search.problem.captures:
         measured = capture.observation.measured.copy()
         if measured.sum() >= MIN_PLATES:
-            measured[np.flatnonzero(measured)[1::2]] = False
+            measured[np.arange(len(measured)) % 4 % 3 > 0] = False
         captures.append(replace(capture, observation=replace(capture.observation, measured=measured)))
     few = replace(search.problem, captures=captures)
     return Search(few, search.candidates, search.fixed, (search.train, search.test), search.threads)
 
 
 def _seen(search, twin):
-    """Return a Twin as the captures of another search see it."""
-    poses, groups = search.solver.score(list(twin.effects), twin.poses, search.test)
-    return replace(twin, poses=poses, groups=groups, floors=search.problem.floors_of(groups))
+    """Return a Twin as the captures of another search see it, in floors of its own: repeats differ by more where it is wrong."""
+    effects = list(twin.effects)
+    poses, groups = search.solver.score(effects, twin.poses, search.test)
+    _, of_train = search.solver.score(effects, poses, search.train)
+    return replace(twin, poses=poses, groups=groups, floors=search.problem.floors_of(of_train | groups))
 
 
 def _found(selection, base, here, names, proposal):
@@ -96,7 +98,8 @@ def _found(selection, base, here, names, proposal):
             selection.progress(", ".join(proposal.names), search.cost / selection.budget)
         end, as_good = _fitted_in(search, here, proposal)
         evidence = evidence_of(end.state.effects, end.free, end.precision)
-        idle = [n for n in proposal.names if _is_idle(search, end.state.effects, n, evidence)]
+        new = [n for n, _ in end.state.effects if n not in here.names]
+        idle = [n for n in new if _is_idle(search, end.state.effects, n, evidence)]
         if idle:
             dropped |= set(idle)
             end = _descended(
@@ -118,7 +121,8 @@ def _found(selection, base, here, names, proposal):
         here, at, alike = there, end, alike | as_good
         if is_at_floor(here):
             break
-        mostly_closed = sum(here.excess.values()) < CLOSED * sum(base.excess.values())
+        first = sum(replace(base, floors=here.floors).excess.values())
+        mostly_closed = sum(here.excess.values()) < CLOSED * first
         proposal = proposed(search, here, names, MIN_SHARE if mostly_closed else LEAST_SHARE)
     return (_pruned(search, base, here, at) if at else here), order, alike
 
@@ -141,7 +145,8 @@ def _added(twin, base):
 
 
 def _closes_enough(before, after, share=MIN_SHARE):
-    """Return whether a twin closes a share of what another leaves open, or most of a group of observables."""
+    """Return whether a twin closes a share of what another leaves open, or most of a group of observables; in its floors."""
+    before = replace(before, floors=after.floors)
     gains = {group: before.excess[group] - left for group, left in after.excess.items()}
     return is_enough(gains, sum(gains.values()), MIN_GAIN, before.excess, share)
 
@@ -254,9 +259,8 @@ def _told_apart(step, known, alike, twin):
 
 
 def _standing(search, base, end):
-    """Return the Twin of a Descent as far as held-out captures tell it, in the base's floors."""
-    poses, groups = search.solver.score(end.state.effects, end.state.poses, search.test)
-    return replace(base, effects=tuple(end.state.effects), poses=poses, groups=groups, loss=end.loss)
+    """Return the Twin of a Descent as far as held-out captures tell it."""
+    return _seen(search, replace(base, effects=tuple(end.state.effects), poses=end.state.poses, loss=end.loss))
 
 
 def _steps_to(search, base, twin, order):
