@@ -36,7 +36,7 @@ FIRST_ITERATIONS, FURTHER_ITERATIONS = 9, 3  # of a round's fit, and after a cha
 
 
 def all_at_once(selection, base, twin, names, before, taken=()):
-    """Return the Outcome of many effects added together, where so many of ``names`` are proposed for a twin; else None.
+    """Return the Outcome of many effects added together; None where few of ``names`` are proposed for a twin, or none stays.
 
     What is proposed is fitted jointly, round by round, and what is then not needed is taken out, of what led from ``base`` to
     the twin, the Steps ``taken``, as well. ``before`` is the first excess.
@@ -44,13 +44,13 @@ def all_at_once(selection, base, twin, names, before, taken=()):
     search = selection.search
     if search.problem.is_board or is_at_floor(twin):
         return None
-    few = _with_fewer_plates(search)
+    few, found = _with_fewer_plates(search), twin
     first = proposed(few, twin, names)
     if len(first.effects) >= MANY:
-        ahead = Selection(few, selection.budget - search.cost, {}, selection.progress)
+        ahead = Selection(few, selection.budget - search.cost, {}, _told_by(selection, few))
         found, order, alike = _found(ahead, _seen(few, base), _seen(few, twin), names, first)
     search.solver.cost += few.cost
-    if len(first.effects) < MANY:
+    if set(found.names) == set(twin.names):
         return None
     found = search.fitted(found.effects, found.poses)
     idle = [n for n in _added(found, base) if _is_idle(search, found.effects, n, found.evidence)]
@@ -63,6 +63,13 @@ def all_at_once(selection, base, twin, names, before, taken=()):
     steps = [_told_apart(step, known.get(step.effect), alike.get(step.effect, []), found) for step in steps]
     left = [search.null_candidate(found, n) for n in names if n not in found.names]
     return outcome_of(search.problem, steps, rank(left), found, before)
+
+
+def _told_by(selection, few):
+    """Return what a Selection's progress is told by while another Search spends of its budget; None where nobody asks."""
+    if selection.progress is None:
+        return None
+    return lambda names, _: selection.progress(names, (selection.search.cost + few.cost) / selection.budget)
 
 
 def _with_fewer_plates(search):
@@ -167,7 +174,9 @@ def _is_patch(search, twin, end, name):
             if group in groups:
                 changes[group] += float((change[at : at + groups[group].size] ** 2).sum())
                 at += groups[group].size
-    brought = evidence_of(end.state.effects, end.free, end.precision)[name] * len(search.test) / len(end.groups)
+    brought = (
+        evidence_of(end.state.effects, end.free, end.precision).get(name, np.inf) * len(search.test) / len(end.groups)
+    )
     of_group = MIN_SHARE_OF_GROUP / (1 - MIN_SHARE_OF_GROUP) * twin.excess.get(max(changes, key=changes.get), 0.0)
     return brought < min(of_group, MIN_SHARE / (1 - MIN_SHARE) * sum(twin.excess.values()))
 
