@@ -10,7 +10,17 @@ import effects
 from effects.base import AFFECTED, PLACE, STAGES, Parameter
 from rig.errors import InputError
 
-SHARED_MODULES = ("base", "contract", "encoding", "filters", "library", "pipeline", "quantisation", "resampling")
+SHARED_MODULES = (
+    "base",
+    "contract",
+    "encoding",
+    "exponential",
+    "filters",
+    "library",
+    "pipeline",
+    "quantisation",
+    "resampling",
+)
 HOOKS = {  # functions that an effect may have, with their parameters
     "change_scene": ("scene", "p"),
     "map_points": ("xy", "view", "p", "channel"),

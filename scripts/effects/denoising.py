@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from effects.base import Parameter
+from effects.exponential import FLATTER, steep_exponential
 from effects.filters import box, box_taps, gaussian, gaussian_reach_px, gaussian_taps
 from kernels import njit
 
@@ -17,8 +18,6 @@ AFFECTS = "intensity"
 DIAMETER_PX = 9  # of the bilateral filter's window: 7 cut off a reach of 1.8 px
 MEDIAN_PX, WIDE_MEDIAN_PX = 3, 5
 TAPS = 2 * 16 + 1  # more than the widest average has
-SQUARINGS = 2**5  # as many times flatter is the exponential of levels that a polynomial stands for
-C2, C3, C4, C5 = (np.float32(1 / k) for k in (2, 6, 24, 120))  # of its Taylor series
 PARAMETERS = {
     "strength_dn": Parameter(
         unit="dn", lower=0.0, upper=80.0, null=0.0, matters=0.5, doc="standard deviation of levels that are averaged"
@@ -80,15 +79,12 @@ def bilateral(plane, p):
     apart = apart[:, None] + apart
     near = np.where(apart <= reach**2, np.exp(-apart / (2 * p["reach_px"] ** 2)), 0).astype(np.float32)
     padded = cv2.copyMakeBorder(plane, reach, reach, reach, reach, cv2.BORDER_REFLECT_101)
-    return _averaged(padded, near, np.float32(1 / (2 * SQUARINGS * p["strength_dn"] ** 2)))
+    return _averaged(padded, near, np.float32(1 / (2 * FLATTER * p["strength_dn"] ** 2)))
 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _averaged(padded, near, steepness):
-    """Return the mean of each pixel's neighbours, weighted by ``near`` and their levels: OpenCV's filter, in half its time.
-
-    exp(-x) is (exp(-x / 32))**32, of which a polynomial serves: in a loop of arithmetic alone pixels are done side by side.
-    """
+    """Return the mean of each pixel's neighbours, weighted by ``near`` and their levels: OpenCV's filter, in half its time."""
     size = len(near)
     middle, one = size // 2, np.float32(1)
     rows, columns = padded.shape[0] - size + 1, padded.shape[1] - size + 1
@@ -105,13 +101,7 @@ def _averaged(padded, near, steepness):
                 for c in range(columns):
                     d = other[c] - own[c]
                     x = min(d * d * steepness, one)
-                    e = one - x * (one - x * (C2 - x * (C3 - x * (C4 - x * C5))))
-                    e *= e
-                    e *= e
-                    e *= e
-                    e *= e
-                    e *= e
-                    e *= near[i, j]
+                    e = steep_exponential(x) * near[i, j]
                     weight[c] += e
                     change[c] += e * d
         for c in range(columns):

@@ -233,24 +233,17 @@ def apply(image, view, p, rng):
     """Encode and decode the frame."""
     if p["loss"] == 0:
         return image
+    frame = slice(None) if view.windows is not None else frame_of(view)  # windows are whole blocks
     full_colour = p["full_colour"] >= 0.5
-    if view.windows is not None and rng is None:  # windows are whole blocks
-        return _mean(image, view.noise_dn, p["loss"], full_colour)
-    frame = slice(None) if view.windows is not None else frame_of(view)
     out = image.copy()
     if rng is None:
         noise_dn = view.noise_dn[frame] if np.ndim(view.noise_dn) else view.noise_dn
-        out[frame] = _mean(image[frame], noise_dn, p["loss"], full_colour)
+        levels = mean_of_clipped(image[frame], noise_dn)
+        out[frame] = expected(levels, 100 - p["loss"], full_colour, np.hypot(noise_dn, ROUNDING_DN))
         return out
     pixels = np.clip(np.rint(image[frame]), 0, 255).astype(np.uint8)
     out[frame] = sum(np.float32(share) * compressed(pixels, q, full_colour) for q, share in qualities(p["loss"]))
     return out
-
-
-def _mean(image, noise_dn, loss, full_colour):
-    """Return the mean levels of an image with noise that is clipped, rounded and compressed."""
-    levels = mean_of_clipped(image, noise_dn)
-    return expected(levels, 100 - loss, full_colour, np.hypot(noise_dn, ROUNDING_DN))
 
 
 def starts_from(image):

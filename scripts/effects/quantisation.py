@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from effects.exponential import FLATTER, steep_exponential
 from kernels import njit
 
 BLOCK = 8
@@ -19,7 +20,6 @@ def _cosines():
 
 COSINES = _cosines()
 COSINES_BACK = np.ascontiguousarray(COSINES.T)
-E2, E3, E4, E5 = (np.float32(1 / k) for k in (2, 6, 24, 120))  # of the exponential's Taylor series
 P0, P1, P2, P3, P4, P5 = (  # of the normal distribution; all but the first over the root of 2 pi
     np.float32(p)
     for p in (
@@ -41,13 +41,14 @@ def by_blocks(plane, noise, table):
     share = np.empty(noise.shape, np.float32)
     columns, count = plane.shape[1], noise.shape[1]
     strip, turned = np.empty((BLOCK, columns), np.float32), np.empty((BLOCK, columns), np.float32)
+    by_block, by_place = strip.reshape(BLOCK, count, BLOCK), turned.reshape(BLOCK, BLOCK, count)
     coefficients, sd = np.empty((BLOCK, columns), np.float32), np.empty(count, np.float32)
     for i in range(noise.shape[0]):
         rows = slice(i * BLOCK, (i + 1) * BLOCK)
         for j in range(count):
             sd[j] = max(noise[i, j], np.float32(NO_NOISE))
         _product(COSINES, plane[rows], strip)
-        _turn(strip, turned)
+        by_place[:] = by_block.transpose(2, 0, 1)
         _product(COSINES, turned, coefficients)
         for v in range(BLOCK):
             for u in range(BLOCK):
@@ -57,7 +58,7 @@ def by_blocks(plane, noise, table):
                 else:
                     _quantise(of_frequency, table[u, v], sd)
         _product(COSINES_BACK, coefficients, turned)
-        _turn_back(turned, strip)
+        by_block[:] = by_place.transpose(1, 2, 0)
         _product(COSINES_BACK, strip, low[rows])
     step = table[0, 0] / np.float32(BLOCK)
     for r in range(plane.shape[0]):
@@ -77,43 +78,18 @@ def _product(basis, values, out):
             out[u, k] = first + last
 
 
-@njit(cache=True, nogil=True)
-def _turn(strip, out):
-    """Write a row of blocks (8, 8 n), each transposed, to ``out`` (8, 8 n): all first elements of rows, all second ones."""
-    count = strip.shape[1] // BLOCK
-    for u in range(BLOCK):
-        for c in range(BLOCK):
-            for j in range(count):
-                out[c, u * count + j] = strip[u, j * BLOCK + c]
-
-
-@njit(cache=True, nogil=True)
-def _turn_back(turned, out):
-    """Write to ``out`` what ``_turn`` made ``turned`` of."""
-    count = turned.shape[1] // BLOCK
-    for u in range(BLOCK):
-        for c in range(BLOCK):
-            for j in range(count):
-                out[u, j * BLOCK + c] = turned[c, u * count + j]
-
-
 @njit(cache=True, nogil=True, fastmath=True)
 def _upper_share(value, step, sd):
-    """Return the probability that a value with noise is above the middle of two steps: the normal distribution, to 1e-7.
+    """Return the probability that a value with noise is above the middle of two steps: the normal distribution, to 1e-6.
 
-    Source: Abramowitz and Stegun, "Handbook of Mathematical Functions" (1964), 26.2.17; exp(-x) is (exp(-x / 32))**32.
+    Source: Abramowitz and Stegun, "Handbook of Mathematical Functions" (1964), 26.2.17.
     """
     one, half = np.float32(1), np.float32(0.5)
     steps = value / step
     d = (steps - np.floor(steps) - half) * step / sd
     far = min(abs(d), np.float32(6))
-    x = far * far * np.float32(1 / 64)
-    e = one - x * (one - x * (E2 - x * (E3 - x * (E4 - x * E5))))
-    e *= e
-    e *= e
-    e *= e
-    e *= e
-    e *= e
+    x = far * far * np.float32(1 / (2 * FLATTER))
+    e = steep_exponential(x)
     t = one / (one + P0 * far)
     beyond = e * t * (P1 + t * (P2 + t * (P3 + t * (P4 + t * P5))))
     return beyond if d < 0 else one - beyond

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from gap.evidence import evidence_of
 from gap.linear_model import LEAST_SHARE, proposed
 from gap.outcome import Selection, Step, outcome_of, without_unneeded
 from gap.parameters import get_parameter, is_geometric, spec
@@ -23,7 +22,7 @@ from gap.search import (
     is_significant,
     rank,
 )
-from gap.solver import Fit, State
+from gap.solver import State
 from gap.split import probes
 from gap.standing import CLOSED, MIN_SHARE, MIN_SHARE_OF_GROUP, is_at_floor, is_enough
 from gap.twin import Candidate
@@ -104,14 +103,11 @@ def _found(selection, base, here, names, proposal):
         if selection.progress:
             selection.progress(", ".join(proposal.names), search.cost / selection.budget)
         end, as_good = _fitted_in(search, here, proposal)
-        evidence = evidence_of(end.state.effects, end.free, end.precision)
         new = [n for n, _ in end.state.effects if n not in here.names]
-        idle = [n for n in new if _is_idle(search, end.state.effects, n, evidence)]
+        idle = [n for n in new if _is_idle(search, end.state.effects, n, end.evidence)]
         if idle:
             dropped |= set(idle)
-            end = _descended(
-                search, [e for e in end.state.effects if e[0] not in idle], end.state.poses, SCALE_FROM_NEAR
-            )
+            end = _without(search, end, idle)
         there = _standing(search, base, end)
         added = _added(there, here)
         patches = [n for n in added if _is_patch(search, there, end, n)]
@@ -119,9 +115,7 @@ def _found(selection, base, here, names, proposal):
             break
         if patches:
             dropped |= set(patches)
-            end = _descended(
-                search, [e for e in end.state.effects if e[0] not in patches], end.state.poses, SCALE_FROM_NEAR
-            )
+            end = _without(search, end, patches)
             there = _standing(search, base, end)
         if not _closes_enough(here, there, min(MIN_SHARE * len(_added(there, here)), MOST_OF_ALL)):
             break
@@ -136,11 +130,10 @@ def _found(selection, base, here, names, proposal):
 
 def _pruned(search, base, twin, end):
     """Return the Twin of a Descent without what it does not need: the weakest first, all others refitted shortly."""
-    evidence = evidence_of(end.state.effects, end.free, end.precision)
-    for name in sorted(_added(twin, base), key=lambda n: (evidence.get(n, np.inf), n)):
-        if evidence.get(name, np.inf) > CLEAR_EVIDENCE * MIN_GAIN or search.is_fixed(name):
+    for name in sorted(_added(twin, base), key=lambda n: (end.evidence.get(n, np.inf), n)):
+        if end.evidence.get(name, np.inf) > CLEAR_EVIDENCE * MIN_GAIN or search.is_fixed(name):
             break
-        rest = _descended(search, [e for e in end.state.effects if e[0] != name], end.state.poses, SCALE_FROM_NEAR)
+        rest = _without(search, end, [name])
         without = _standing(search, base, rest)
         if sum(without.losses.values()) < sum(twin.losses.values()) + MIN_GAIN:
             return _pruned(search, base, without, rest)
@@ -174,9 +167,7 @@ def _is_patch(search, twin, end, name):
             if group in groups:
                 changes[group] += float((change[at : at + groups[group].size] ** 2).sum())
                 at += groups[group].size
-    brought = (
-        evidence_of(end.state.effects, end.free, end.precision).get(name, np.inf) * len(search.test) / len(end.groups)
-    )
+    brought = end.evidence.get(name, np.inf) * len(search.test) / len(end.groups)
     of_group = MIN_SHARE_OF_GROUP / (1 - MIN_SHARE_OF_GROUP) * twin.excess.get(max(changes, key=changes.get), 0.0)
     return brought < min(of_group, MIN_SHARE / (1 - MIN_SHARE) * sum(twin.excess.values()))
 
@@ -230,6 +221,11 @@ def _descended(search, effects, poses, scale, iterations=FURTHER_ITERATIONS, mov
     free = moving or free
     effects, poses = search.solver.fit_geometry(effects, geometric, poses, offsets, search.train, scale, iterations=10)
     return search.solver.descend(effects, free, poses, probes(search.train), iterations)
+
+
+def _without(search, end, names):
+    """Return the Descent without some effects."""
+    return _descended(search, [e for e in end.state.effects if e[0] not in names], end.state.poses, SCALE_FROM_NEAR)
 
 
 def _exchanged(search, end, name, rivals):
@@ -287,6 +283,5 @@ def _steps_to(search, base, twin, order):
 
 def _valued(search, effects, twin):
     """Return the Twin of some of a Twin's effects with the values that they have there."""
-    none = np.zeros(0)
-    fit = Fit(State(effects, twin.poses), twin.loss, none, none, twin.converged, np.zeros((0, 0)))
-    return search.scored(fit, [], twin.floors)
+    poses, groups = search.solver.score(effects, twin.poses, search.test)
+    return replace(twin, effects=tuple(effects), poses=poses, groups=groups, errors={}, cautious_errors={}, evidence={})

@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from gap.derivatives import Derivatives, flat
+from gap.evidence import evidence_of
 from gap.normal_equations import errors_of, normal_equations, updated
 from gap.parameters import (
     bounds_of,
@@ -75,6 +76,11 @@ class Descent:
         """The Hessian (k, k) of half the loss by the free parameters, poses eliminated."""
         priors = prior_equations(self.state.effects, self.free)
         return normal_equations(self.derivatives, self.groups, NU, priors)[0]
+
+    @cached_property
+    def evidence(self):
+        """{effect: loss that taking it out costs to second order} of what was fitted."""
+        return evidence_of(self.state.effects, self.free, self.precision)
 
 
 class Solver:

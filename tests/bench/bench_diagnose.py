@@ -1,8 +1,8 @@
 """What a verdict costs: ``python tests/bench/bench_diagnose.py [--effects NAME ...]``.
 
-Generates one campaign an effect (20 captures of half a megapixel, one camera; nothing is hidden in ``nothing``, eight effects in ``eight``) and times
-``snakemake --cores 2 diagnose`` of it, all candidates, in a copy of the project; with the largest memory of any one
-process. Figures are recorded (record.py).
+Generates one campaign an effect (20 captures of half a megapixel, one camera; nothing is hidden in ``nothing``, eight
+effects in ``eight``) and times ``snakemake --cores 2 diagnose`` of it, all candidates, in a copy of the project; with the
+largest memory of any one process. Figures are recorded (record.py).
 """
 
 import argparse

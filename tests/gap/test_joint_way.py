@@ -101,7 +101,7 @@ def test_a_patch_brings_little_of_what_stays_open(left, patch):
         free=[("exposure", "scale")],
         groups={0: groups},
         derivatives={0: (np.array([[0.0], [0.0], [1.0], [1.0]]), None)},
-        precision=np.array([[1e4]]),  # 0.1 from its null: evidence 100
+        evidence={"exposure": 100.0},
     )
     search = SimpleNamespace(test=[1], problem=SimpleNamespace(shows=lambda name: {}))
     assert _is_patch(search, twin, end, "exposure") == patch
