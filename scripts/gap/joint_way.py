@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from gap.linear_model import LEAST_SHARE, proposed
+from gap.linear_model import MIN_SHARE_PROPOSED, proposed
 from gap.outcome import Selection, Step, outcome_of, without_unneeded
-from gap.parameters import get_parameter, is_geometric, spec
+from gap.parameters import get_parameter, spec
 from gap.residuals import GROUPS
 from gap.search import (
     CLEAR_EVIDENCE,
@@ -19,6 +19,7 @@ from gap.search import (
     SCALE_FROM_NEAR,
     SCALE_FROM_START,
     Search,
+    is_as_good,
     is_significant,
     rank,
 )
@@ -30,7 +31,9 @@ from gap.twin import Candidate
 MANY = 3  # effects that are proposed at once: fewer are looked for one by one
 MAX_ROUNDS = 6
 MIN_PLATES = 12  # of a capture, of which rounds leave out half
-MOST_OF_ALL = 0.5  # share of what is left that a round need not exceed, and below which an effect is taken out to see
+MAX_SHARE_ASKED = (
+    0.5  # share of what is left that a round need not exceed, and below which an effect is taken out to see
+)
 FIRST_ITERATIONS, FURTHER_ITERATIONS = 9, 3  # of a round's fit, and after a change to it
 
 
@@ -117,14 +120,14 @@ def _found(selection, base, here, names, proposal):
             dropped |= set(patches)
             end = _without(search, end, patches)
             there = _standing(search, base, end)
-        if not _closes_enough(here, there, min(MIN_SHARE * len(_added(there, here)), MOST_OF_ALL)):
+        if not _closes_enough(here, there, min(MIN_SHARE * len(_added(there, here)), MAX_SHARE_ASKED)):
             break
         here, at, alike = there, end, alike | as_good
         if is_at_floor(here):
             break
         first = sum(replace(base, floors=here.floors).excess.values())
         mostly_closed = sum(here.excess.values()) < CLOSED * first
-        proposal = proposed(search, here, names, MIN_SHARE if mostly_closed else LEAST_SHARE)
+        proposal = proposed(search, here, names, MIN_SHARE if mostly_closed else MIN_SHARE_PROPOSED)
     return (_pruned(search, base, here, at) if at else here), order, alike
 
 
@@ -135,7 +138,7 @@ def _pruned(search, base, twin, end):
             break
         rest = _without(search, end, [name])
         without = _standing(search, base, rest)
-        if sum(without.losses.values()) < sum(twin.losses.values()) + MIN_GAIN:
+        if is_as_good(without, twin):
             return _pruned(search, base, without, rest)
     return twin
 
@@ -175,7 +178,7 @@ def _is_patch(search, twin, end, name):
 def _without_patches(search, twin, base):
     """Return the Twin, refitted, without effects that close little of a gap that stays open: patches on a wrong form."""
     for name in sorted(_added(twin, base), key=lambda n: (twin.evidence.get(n, np.inf), n)):
-        if is_at_floor(twin) or twin.evidence.get(name, np.inf) > MOST_OF_ALL / (1 - MOST_OF_ALL) * sum(
+        if is_at_floor(twin) or twin.evidence.get(name, np.inf) > MAX_SHARE_ASKED / (1 - MAX_SHARE_ASKED) * sum(
             twin.excess.values()
         ):
             break
@@ -214,13 +217,8 @@ def _fitted_in(search, twin, proposal):
 
 
 def _descended(search, effects, poses, scale, iterations=FURTHER_ITERATIONS, moving=None):
-    """Return the Descent of all that is free of some effects, or of the parameters ``moving``; geometry from corners first."""
-    free = search.free(effects)
-    offsets = search.solver.offsets_of(effects, poses, search.train)
-    geometric = [f for f in free if is_geometric(f)]
-    free = moving or free
-    effects, poses = search.solver.fit_geometry(effects, geometric, poses, offsets, search.train, scale, iterations=10)
-    return search.solver.descend(effects, free, poses, probes(search.train), iterations)
+    """Return the Descent, in a few captures, of all that is free of some effects, or of the parameters ``moving``."""
+    return search.descended(effects, poses, scale, probes(search.train), iterations, moving)
 
 
 def _without(search, end, names):

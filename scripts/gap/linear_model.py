@@ -15,10 +15,10 @@ from gap.search import MIN_GAIN
 from gap.split import probes
 
 MAX_TOGETHER = 9  # effects that are proposed at once
-LEAST_SHARE = 0.03  # of all that could be gained to first order, that is proposed at first
+MIN_SHARE_PROPOSED = 0.03  # of all that could be gained to first order, that is proposed at first
 RIVAL_SHARE = 0.7  # of what the chosen one adds, from which another effect of its kind may be the better name
 MAX_COLUMNS = 6  # of a way that stands for itself: a curve of more knots stands for much else
-SHORTEST, LONGEST = 0.1, 1.5  # of the way to a start, that a first guess goes at least and at most
+MIN_WAY, MAX_WAY = 0.1, 1.5  # of the way to a start, that a first guess goes at least and at most
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class LinearModel:
         return {}, 0.0
 
 
-def proposed(search, twin, names, least_share=LEAST_SHARE):
+def proposed(search, twin, names, least_share=MIN_SHARE_PROPOSED):
     """Return the Proposal of those of ``names`` that explain most together of what a twin leaves open.
 
     Forward selection in the derivatives of a few captures about the twin, its own parameters and poses going along. What adds
@@ -180,7 +180,7 @@ def _first_guess(search, twin, way, steps):
         values = {key: nulls[key] + moves.get(key, 0.0) for key in nulls}
         values |= {key: first[key] for key, s in bounds.items() if s.auxiliary}
     else:
-        share = float(np.clip(steps.get(way.columns[0], 0.0), SHORTEST, LONGEST))
+        share = float(np.clip(steps.get(way.columns[0], 0.0), MIN_WAY, MAX_WAY))
         values = {
             key: value if bounds[key].auxiliary else nulls[key] + share * (value - nulls[key])
             for key, value in way.start.items()

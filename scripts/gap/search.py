@@ -88,15 +88,23 @@ class Search:
 
         ``scale`` is the robust scale at which a fit of corners begins near ``poses``.
         """
+        end = self.descended(effects, poses, scale, self.train, iterations=20)
+        return self.scored(self.solver.with_errors(end), end.free)
+
+    def descended(self, effects, poses, scale, captures, iterations, moving=None):
+        """Return the gap.solver.Descent, in some of the fitted captures, of all that is free or of parameters ``moving``.
+
+        Geometry is fitted to the corners of all of them first, from ``poses``, from the nominal ones where None.
+        """
         free = self.free(effects)
-        geometric = [f for f in free if is_geometric(f)]
         if poses is None:
             poses = self.problem.start_poses()
             offsets, scale = self.solver.no_offsets(), SCALE_FROM_AFAR
         else:  # near: corners tell more than points once what their fit adds is known
             offsets = self.solver.offsets_of(effects, poses, self.train)
+        geometric = [f for f in free if is_geometric(f)]
         effects, poses = self.solver.fit_geometry(effects, geometric, poses, offsets, self.train, scale, iterations=10)
-        return self.scored(self.solver.with_errors(self.solver.descend(effects, free, poses, self.train, 20)), free)
+        return self.solver.descend(effects, moving or free, poses, captures, iterations)
 
     def scored(self, fit, free, floors=None):
         """Return the Twin of a gap.solver.Fit, its held-out poses fitted; its own floors where none are given."""
@@ -148,8 +156,7 @@ class Search:
         if twin.evidence.get(name, 0.0) > CLEAR_EVIDENCE * MIN_GAIN and not beside_warp:
             return None
         rest = self.fitted([e for e in twin.effects if e[0] != name], twin.poses)
-        as_good = sum(rest.losses.values()) < sum(twin.losses.values()) + MIN_GAIN
-        return rest if as_good else None
+        return rest if is_as_good(rest, twin) else None
 
     # -- what an effect would gain --------------------------------------------------------------------------------------
 
@@ -368,6 +375,11 @@ def is_significant(effect, values, errors):
     if len(acting) > MAX_PARAMETERS:
         return math.hypot(*((values[k] - p.null) / p.matters for k, p in acting.items())) > 1
     return any(abs(values[k] - p.null) > max(p.matters, 3 * errors.get((effect, k), 0.0)) for k, p in acting.items())
+
+
+def is_as_good(twin, other):
+    """Return whether a twin loses no more than chance to another on the held-out captures."""
+    return sum(twin.losses.values()) < sum(other.losses.values()) + MIN_GAIN
 
 
 def rank(candidates):
