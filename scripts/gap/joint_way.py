@@ -31,9 +31,7 @@ from gap.twin import Candidate
 MANY = 3  # effects that are proposed at once: fewer are looked for one by one
 MAX_ROUNDS = 6
 MIN_PLATES = 12  # of a capture, of which rounds leave out half
-MAX_SHARE_ASKED = (
-    0.5  # share of what is left that a round need not exceed, and below which an effect is taken out to see
-)
+MAX_SHARE_ASKED = 0.5  # of what is left, that a round need not exceed; an effect that brings less is taken out to see
 FIRST_ITERATIONS, FURTHER_ITERATIONS = 9, 3  # of a round's fit, and after a change to it
 
 
@@ -171,16 +169,20 @@ def _is_patch(search, twin, end, name):
                 changes[group] += float((change[at : at + groups[group].size] ** 2).sum())
                 at += groups[group].size
     brought = end.evidence.get(name, np.inf) * len(search.test) / len(end.groups)
-    of_group = MIN_SHARE_OF_GROUP / (1 - MIN_SHARE_OF_GROUP) * twin.excess.get(max(changes, key=changes.get), 0.0)
-    return brought < min(of_group, MIN_SHARE / (1 - MIN_SHARE) * sum(twin.excess.values()))
+    of_group = _odds(MIN_SHARE_OF_GROUP) * twin.excess.get(max(changes, key=changes.get), 0.0)
+    return brought < min(of_group, _odds(MIN_SHARE) * sum(twin.excess.values()))
+
+
+def _odds(share):
+    """Return what a share of a whole is of the rest of it."""
+    return share / (1 - share)
 
 
 def _without_patches(search, twin, base):
     """Return the Twin, refitted, without effects that close little of a gap that stays open: patches on a wrong form."""
     for name in sorted(_added(twin, base), key=lambda n: (twin.evidence.get(n, np.inf), n)):
-        if is_at_floor(twin) or twin.evidence.get(name, np.inf) > MAX_SHARE_ASKED / (1 - MAX_SHARE_ASKED) * sum(
-            twin.excess.values()
-        ):
+        clear = _odds(MAX_SHARE_ASKED) * sum(twin.excess.values())
+        if is_at_floor(twin) or twin.evidence.get(name, np.inf) > clear:
             break
         rest = search.fitted([e for e in twin.effects if e[0] != name], twin.poses)
         if not _closes_enough(rest, twin):
