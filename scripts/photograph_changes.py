@@ -16,7 +16,7 @@ from case_files import MIN_PATCHES, load_measured, load_photographs, read_captur
 from effects import library
 from gap.changes import Changes, changes
 from gap.photographs import expected_corners
-from gap.signature import Photograph
+from gap.signature import OF_CODEC, Photograph
 from gap.signature_changes import laid_on_numbers, signature_changes
 from inputs import tables
 from inputs.campaign import Board
@@ -132,13 +132,15 @@ def what_changed(sets, camera, effects=(), candidates=None, threads=1):
 def with_other_lens(photographs, points, candidates, camera, threads):
     """Return what signatures [SignatureChange] of two sets of photographs show where the earlier ones have the later ones' lens.
 
-    A lens that moves the picture over pixels and a codec's blocks leaves its own traces in noise. ``points`` are the Changes of
+    A lens that moves the picture over pixels and a codec's blocks leaves its own traces in noise, and so does interpolation: the
+    later ones are interpolated alike. Blocks do not move with the picture, and are not compared. ``points`` are the Changes of
     where points lie.
     """
-    earlier = [p.seen_by(*map(list, points.last.effects)) for p in photographs[0]]
-    earlier = [p for p in earlier if len(p.plates) >= MIN_PATCHES]
+    lenses = [list(effects) for effects in points.last.effects]
+    seen = [p.seen_by(*lenses) for p in photographs[0]], [p.interpolated_as_seen_by(*lenses) for p in photographs[1]]
+    seen = [[p for p in of_set if len(p.plates) >= MIN_PATCHES] for of_set in seen]
     try:
-        return signature_changes(earlier, photographs[1], candidates, camera, threads)[0]
+        return signature_changes(*seen, candidates, camera, threads, OF_CODEC)[0]
     except ValueError:
         return []
 

@@ -39,6 +39,7 @@ SIGNS = (
     "light", "black", "light_outwards", "red", "blue", "red_outwards", "blue_outwards",
 )  # fmt: skip
 OF_LIGHT = ("light", "black", "light_outwards", "red", "blue")  # what another lamp would change as well
+OF_CODEC = ("blocks", "flat_blocks")  # which lie on a grid of pixels, wherever the picture does
 BLOCK = 8  # pixels, of the codec of most cameras (ITU-T T.81)
 LINEAR = srgb_decode(np.arange(256) / 255).astype(np.float32)  # light of grey levels
 SPARE = 0.02  # of squared places, in units of the half diagonal: what a slope needs to be told
@@ -116,16 +117,41 @@ class Photograph:
 
     def seen_by(self, before, after):
         """Return the photograph as it would be if its lens, effects ``before`` that move points, had been ``after``."""
-        view = replace(self.view, margin=0, windows=None)
-        ideal = np.stack(pipeline.source_map(view, after, 1), axis=-1).reshape(-1, 2)
-        x, y = np.nan_to_num(pipeline.map_points(ideal, view, before), nan=-1.0).astype(np.float32).T
-        there = (np.ascontiguousarray(v.reshape(self.image.shape[:2])) for v in (x, y))
-        light = cv2.remap(LINEAR[self.image], *there, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+        corners = pipeline.inverse_points(self.features[:, :8].reshape(-1, 2), self._whole_view, before)
+        corners = pipeline.map_points(corners, self._whole_view, after).reshape(-1, 8)
+        return self._resampled(*self._sources(before, after), corners)
+
+    def interpolated_as_seen_by(self, before, after):
+        """Return the photograph as it is, interpolated between pixels where ``seen_by`` does: that smooths noise alike.
+
+        Of how far ``seen_by`` moves a pixel the distance from an even number is left: a pixel at most, without a leap.
+        """
+        sources, corners = self._sources(before, after), self.features[:, :8].reshape(-1, 2).copy()
+        column, row = (np.rint(np.clip(v, 0, n - 1)).astype(int) for v, n in zip(corners.T, self._size, strict=True))
+        there = []
+        for k, (source, own) in enumerate(zip(sources, np.indices(self.image.shape[:2], np.float32)[::-1], strict=True)):
+            moved = np.abs((source - own + 1) % 2 - 1)
+            corners[:, k] -= moved[row, column]
+            there.append(own + moved)
+        return self._resampled(*there, corners.reshape(-1, 8))
+
+    @property
+    def _whole_view(self):
+        return replace(self.view, margin=0, windows=None)
+
+    def _sources(self, before, after):
+        """Return where in the photograph (x, y float32) each pixel (H, W) comes from that a lens ``after`` would show."""
+        ideal = np.stack(pipeline.source_map(self._whole_view, after, 1), axis=-1).reshape(-1, 2)
+        there = np.nan_to_num(pipeline.map_points(ideal, self._whole_view, before), nan=-1.0).astype(np.float32)
+        return [np.ascontiguousarray(v.reshape(self.image.shape[:2])) for v in there.T]
+
+    def _resampled(self, x, y, corners):
+        """Return the photograph with each pixel's light from x, y (H, W) float32, its patches near corners (k, 8)."""
+        light = cv2.remap(LINEAR[self.image], x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
         image = pipeline.to_uint8(encode(light.reshape(self.image.shape), "srgb"))
         features = self.features.copy()
-        corners = pipeline.inverse_points(features[:, :8].reshape(-1, 2), view, before)
-        features[:, :8] = pipeline.map_points(corners, view, after).reshape(-1, 8)
-        wanted, states = np.isfinite(features[:, :8]).all(1), np.zeros((len(self.codes.half_code), N_STATE))
+        features[:, :8] = corners
+        wanted, states = np.isfinite(corners).all(1), np.zeros((len(self.codes.half_code), N_STATE))
         states[self.plates[wanted]] = states_of(features[wanted])
         tried = np.isin(np.arange(len(states)), self.plates[wanted])
         found, _, measured, _ = measure_plates(grey_of(image), states, tried, self.codes, FINE)

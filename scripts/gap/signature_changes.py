@@ -81,11 +81,12 @@ class Compared:
         return bool(squares[np.isin(self.counted, LIT)].sum() > squares.sum() / 2)
 
 
-def compared(before, after, seed):
-    """Return the Compared of signatures (n, len(SIGNS)) of two sets; permutations are drawn by a seed."""
+def compared(before, after, seed, uncounted=()):
+    """Return the Compared of signatures (n, len(SIGNS)) of two sets, but for signs ``uncounted``; a seed draws permutations."""
     every, belongs = np.concatenate([before, after]), np.repeat([0, 1], [len(before), len(after)])
     shown = np.isfinite(every)
-    counted = np.flatnonzero(np.minimum(*(shown[belongs == k].mean(0) for k in (0, 1))) >= MIN_SHOWING)
+    showing = np.minimum(*(shown[belongs == k].mean(0) for k in (0, 1)))
+    counted = np.flatnonzero((showing >= MIN_SHOWING) & ~np.isin(SIGNS, uncounted))
     values = every[:, counted]
     for k in (0, 1):
         own = belongs == k
@@ -269,25 +270,25 @@ def matters(trial):
     )
 
 
-def signature_changes(before, after, candidates, seed_name, threads=1):
+def signature_changes(before, after, candidates, seed_name, threads=1, uncounted=()):
     """Return ([SignatureChange], p of what is left) from photographs (gap.signature.Photograph) of one set to another's.
 
-    Raises ValueError where a set has too few.
+    ``uncounted`` are names of signs that are not compared. Raises ValueError where a set has too few.
     """
     if min(len(before), len(after)) < MIN_CAPTURES:
         raise ValueError(f"{len(before)} and {len(after)} photographs show patches; {MIN_CAPTURES} of each are needed")
     with ThreadPoolExecutor(threads) as pool:
         each = pool.map if threads > 1 else map
-        return _changes((before, after), candidates, seed_of("signatures", seed_name), each)
+        return _changes((before, after), candidates, seed_of("signatures", seed_name), each, uncounted)
 
 
-def _changes(sets, candidates, seed, each):
+def _changes(sets, candidates, seed, each, uncounted):
     found, laid, at_first = [], ([], []), None
     signatures = [signatures_of(photographs, (), each) for photographs in sets]
     in_colour = all(p.image.shape[2] > 1 for photographs in sets for p in photographs)
     names = candidates_of(candidates or sorted(library.available_effects()), in_colour)
     while True:
-        comparison = compared(*signatures, seed)
+        comparison = compared(*signatures, seed, uncounted)
         start = comparison.distance(np.zeros(len(SIGNS)))
         total = float(start @ start)
         at_first = at_first or total

@@ -6,8 +6,8 @@ from drawn_board import board_case, photograph
 
 from effects import library
 from effects.pipeline import map_points
-from gap.signature import SIGNS, Photograph
-from gap.signature_changes import candidates_of, compared, scaled, signature_changes, starts_of
+from gap.signature import OF_CODEC, SIGNS, Photograph
+from gap.signature_changes import candidates_of, compared, scaled, signature_changes, signatures_of, starts_of
 from generator import nominal
 from generator.photographs import Retaken
 from rig.geometry import project
@@ -16,15 +16,16 @@ BLUR = [("lens_blur", library.nulls_of("lens_blur") | {"sigma_px": 0.6})]
 NAMES = ["lens_blur", "sharpening", "sensor_noise", "exposure"]
 
 
-def taken(part, effects, numbers):
-    """Return the Photographs, taken again with the generator's effects laid on, of some captures."""
+def taken(part, effects, numbers, moved_px=0):
+    """Return the Photographs, taken again with the generator's effects laid on, of some captures; then moved over the pixels."""
     case = board_case(14)
     camera, found = nominal.Camera("camera", 320, 240, 420.0), []
     retaken = Retaken(camera, effects, part)
     for k in numbers:
         view = case.captures[k].view
         image = retaken.photograph(photograph(case, k, BLUR).astype(np.uint8), view.capture)
-        corners = project(view.K, view.T_cam_world, case.corners)
+        image = np.roll(image, (moved_px, moved_px), (0, 1))
+        corners = project(view.K, view.T_cam_world, case.corners) + moved_px
         plates, features = case.patches_seen(image, corners)
         found.append(Photograph(image, view, case.codes, plates, features))
     return found
@@ -105,6 +106,14 @@ def test_permuted_sets_tell_how_often_chance_differs_as_much():
     ) < 15
 
 
+def test_a_picture_that_moved_over_a_codecs_blocks_is_no_other_codec():
+    """Fails if half a block's shift makes no difference to what is compared, or still makes one where blocks do not count."""
+    laid = {"jpeg_compression": {"quality": 40, "subsampling": "4:2:0"}}
+    sets = [taken("before", laid, range(0, 14, 2)), taken("after", laid, range(1, 14, 2), moved_px=4)]
+    signs = [signatures_of(photographs, (), map) for photographs in sets]
+    assert compared(*signs, 0).p < 0.01 < 0.05 < compared(*signs, 0, OF_CODEC).p
+
+
 def test_signs_that_are_rarely_shown_do_not_count():
     """Fails if a sign that most photographs lack is filled in, and then differs."""
     sets = [np.random.default_rng(k).normal(size=(6, len(SIGNS))) for k in (0, 1)]
@@ -146,3 +155,12 @@ def test_a_photograph_through_another_lens_shows_its_patches_there(before):
         np.median(np.abs(seen.features[:, :8] - expected)) < 0.06
     )  # a square that is bent is fitted by a straight one
     assert np.array_equal(shot.seen_by(bent, bent).image[20:-20, 20:-20], shot.image[20:-20, 20:-20])
+
+
+def test_what_interpolation_does_to_noise_it_does_to_both_sets(before):
+    """Fails if photographs seen through another lens are held against some whose noise nothing has smoothed."""
+    moved = [("principal_point", library.nulls_of("principal_point") | {"dx_px": 5.5, "dy_px": -2.5})]
+    noise = [SIGNS.index(name) for name in ("noise_white", "noise_black", "noise_coarse")]
+    seen, alike = before[0].seen_by([], moved), before[0].interpolated_as_seen_by([], moved)
+    plain, seen, alike = (shot.signature()[noise] for shot in (before[0], seen, alike))
+    assert np.abs(seen - alike).max() < 0.1 < 0.3 < np.abs(seen - plain).max()
