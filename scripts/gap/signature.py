@@ -129,7 +129,9 @@ class Photograph:
         sources, corners = self._sources(before, after), self.features[:, :8].reshape(-1, 2).copy()
         column, row = (np.rint(np.clip(v, 0, n - 1)).astype(int) for v, n in zip(corners.T, self._size, strict=True))
         there = []
-        for k, (source, own) in enumerate(zip(sources, np.indices(self.image.shape[:2], np.float32)[::-1], strict=True)):
+        for k, (source, own) in enumerate(
+            zip(sources, np.indices(self.image.shape[:2], np.float32)[::-1], strict=True)
+        ):
             moved = np.abs((source - own + 1) % 2 - 1)
             corners[:, k] -= moved[row, column]
             there.append(own + moved)
