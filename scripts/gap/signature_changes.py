@@ -315,11 +315,11 @@ def _named(sets, laid, names, comparison, total, each):
         return None
     likely = list(best_of.values())[:MAX_REFINED]
     likely = [t for t in likely if t.left <= FAR_BEHIND * likely[0].left]
-    ranked = sorted((refined(t, layers[t.less], comparison) for t in likely), key=lambda t: t.left)
-    best, k = ranked[0], len(comparison.counted)
-    explained = total - best.left
-    if explained < MIN_SHARE_EXPLAINED * (total - k) or not matters(best):
+    ranked = [t for t in (refined(t, layers[t.less], comparison) for t in likely) if matters(t)]
+    ranked, k = sorted(ranked, key=lambda t: t.left), len(comparison.counted)
+    if not ranked or total - ranked[0].left < MIN_SHARE_EXPLAINED * (total - k):
         return None
+    best = ranked[0]
     alike = [t.effect for t in ranked[1:] if t.left < MAX_TIMES_LEFT * best.left]
     return SignatureChange(
         best.effect,
@@ -329,7 +329,7 @@ def _named(sets, laid, names, comparison, total, each):
         comparison.p,
         float(np.sqrt(total / k)),
         float(np.sqrt(best.left / k)),
-        explained,
+        total - best.left,
         (best.effect, *alike)[:MAX_GROUP] if alike else (),
         comparison.is_of_light(best.moved),
     )

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from drawn_board import board_case, photograph
 
+import gap.signature_changes
 from effects import library
 from effects.pipeline import map_points
 from gap.signature import OF_CODEC, SIGNS, Photograph
@@ -64,6 +65,13 @@ def test_what_was_laid_on_is_named_with_its_size(before, name, laid, parameter, 
     assert abs(off) < 0.1 * value + 3 * found[0].errors[parameter]
     assert found[0].after < 0.6 * found[0].before
     assert found[0].like_light == (name == "exposure")
+
+
+def test_what_is_too_small_for_a_name_leaves_it_to_the_next(before, monkeypatch):
+    """Fails if a blur has no name because another effect, too small to matter, explains it a little better."""
+    monkeypatch.setattr(gap.signature_changes, "matters", lambda trial: trial.effect != "lens_blur")
+    found, _ = signature_changes(before, after({"lens_blur": {"sigma_px": 1.2}}), ["lens_blur", "defocus"], "c")
+    assert [c.effect for c in found] == ["defocus"]
 
 
 def test_no_candidate_is_no_name(before):
