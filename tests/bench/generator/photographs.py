@@ -1,7 +1,8 @@
 """Real photographs taken again with something changed: resampled in linear light, averaged over pixels, read out, processed.
 
 The photograph stands for the light before the lens; what the camera did when it was taken stays in it. Every photograph goes
-this way, those with nothing changed too, each moved by a fraction of a pixel, so that interpolation is never the change.
+this way, those with nothing changed too, each moved by pixels and a fraction, so that neither interpolation nor where the blocks lie of
+a codec that the photograph went through is ever the change.
 """
 
 import cv2
@@ -23,7 +24,7 @@ MOVES_POINTS = (
     "focal_length", "principal_point", "radial_distortion", "tangential_distortion", "rolling_shutter", "local_warp",
 )  # fmt: skip
 LAID_ON = tuple(name for name in LIBRARY if name not in SCENE)
-MAX_SHIFT_PX = 0.5
+MAX_SHIFT_PX = 4.0  # half a block of ITU-T T.81 each way
 
 
 def why_not_laid(name, in_colour):
