@@ -32,7 +32,7 @@ def retaken(effects, name="a", seed="s"):
 
 
 def test_a_null_is_moved_within_a_codecs_block_and_by_a_fraction():
-    """Fails if a photograph on which nothing is laid stays on its pixels or on its codec's blocks, moves farther, or loses light."""
+    """Fails if a photograph with nothing laid on stays on its pixels or its codec's blocks, moves farther, or loses light."""
     before, light = place(spot())
     moves = [place(retaken({}, name))[0] - before for name in "abcdef"]
     assert 2.0 < np.abs(moves).max() <= MAX_SHIFT_PX + 0.05
