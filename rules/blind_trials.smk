@@ -37,11 +37,7 @@ rule generate_trial:
         index=trial_index,
         seed=TRIALS_SEED,
         size=TRIALS_SIZE,
-        photographs=(
-            f" --photographs {shlex.quote(TRIALS_PHOTOGRAPHS)}"
-            if TRIALS_PHOTOGRAPHS
-            else ""
-        ),
+        photographs=trial_photographs,
         python=PYTHON,
     message:
         "Generating {wildcards.trial}"

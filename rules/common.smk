@@ -517,6 +517,12 @@ def trial_kind(wildcards):
     return TRIALS[wildcards.trial][0]
 
 
+def trial_photographs(wildcards):
+    """Return how a blind trial is told where real photographs lie, nothing for one that needs none."""
+    is_real = trial_kind(wildcards) == "real" and TRIALS_PHOTOGRAPHS
+    return f" --photographs {shlex.quote(TRIALS_PHOTOGRAPHS)}" if is_real else ""
+
+
 def trial_index(wildcards):
     """Return the index of a blind trial among those of its kind."""
     return TRIALS[wildcards.trial][1]

@@ -127,6 +127,20 @@ def test_only_whole_cameras_get_a_twin_with_the_true_effects(tmp_path):
     assert (counts["diagnose_trial"], counts["fit_true_twin"]) == ("3", "1")
 
 
+def test_real_photographs_are_for_real_trials_alone(tmp_path):
+    """Fails if other trials of the same run are given the photographs, which their generator refuses."""
+    project, campaign = copy_project(tmp_path / "project"), lay_down(tmp_path / "c")
+    trials = "blind_trials={single: 0, pair: 0, none: 1, outside: 0, power: 0, whole: 0, real: 1, photographs: boards}"
+    status, said = snakemake(project, "-n", "-p", "blind_trials", "--config", trials, f"campaign={campaign}")
+    assert status == 0, said[-3000:]
+    given = {
+        line.split("--kind ")[1].split()[0]: "--photographs boards" in line
+        for line in said.splitlines()
+        if "--kind " in line
+    }
+    assert given == {"none": False, "real": True}
+
+
 @pytest.mark.parametrize("kind", ["single"])
 def test_a_blind_trial_runs_from_the_command_line(tmp_path, kind):
     """Fails if the diagnosis reads the truth, or a rule loses it: the trials would be worthless."""
