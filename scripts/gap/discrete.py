@@ -15,10 +15,10 @@ ITERATIONS_OF_CHOICES = 4  # of fits that compare choices, in a few captures
 
 
 class Discrete:
-    """Compares whole values by a Solver, in some of the captures ``train``; those ``fixed`` by the user stay."""
+    """Compares whole values by a Solver, in some of the captures ``train``; parameters stay that ``is_given`` says of."""
 
-    def __init__(self, solver, train, fixed):
-        self.solver, self.train, self.fixed = solver, train, fixed
+    def __init__(self, solver, train, is_given):
+        self.solver, self.train, self.is_given = solver, train, is_given
 
     def compared_once_more(self, effects, new, poses):
         """Return fitted effects, discrete parameters at their best whole values beside the others, but for the new one's."""
@@ -26,7 +26,7 @@ class Discrete:
         for k, (name, p) in enumerate(effects):
             if name == new:
                 continue
-            discrete = [d for d in library.discrete_parameters(name) if (name, d) not in self.fixed]
+            discrete = [d for d in library.discrete_parameters(name) if not self.is_given((name, d))]
             choices = [d for d in discrete if spec((name, d)).is_choice]
             leaping = [d for d in discrete if d not in choices]
             if leaping:
@@ -48,7 +48,9 @@ class Discrete:
         """
         name, known = effects[k]
         free = [
-            f for f in fitted_parameters(effects) if f[0] in (name, new) and f not in self.fixed and not is_geometric(f)
+            f
+            for f in fitted_parameters(effects)
+            if f[0] in (name, new) and not self.is_given(f) and not is_geometric(f)
         ]
 
         def loss(p):

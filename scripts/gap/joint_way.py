@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gap.linear_model import MIN_SHARE_PROPOSED, proposed
+from gap.linear_model import MIN_SHARE_PROPOSED, Proposal, proposed
 from gap.outcome import Selection, Step, outcome_of, without_unneeded
 from gap.parameters import get_parameter, spec
 from gap.residuals import GROUPS
@@ -45,7 +45,7 @@ def all_at_once(selection, base, twin, names, before, taken=()):
     if search.problem.is_board or is_at_floor(twin):
         return None
     few, found = _with_fewer_plates(search), twin
-    first = proposed(few, twin, names)
+    first = _with_shown(few, twin, proposed(few, twin, names), names)
     if len(first.effects) >= MANY:
         ahead = Selection(few, selection.budget - search.cost, {}, _told_by(selection, few))
         found, order, alike = _found(ahead, _seen(few, base), _seen(few, twin), names, first)
@@ -63,6 +63,13 @@ def all_at_once(selection, base, twin, names, before, taken=()):
     steps = [_told_apart(step, known.get(step.effect), alike.get(step.effect, []), found) for step in steps]
     left = [search.null_candidate(found, n) for n in names if n not in found.names]
     return outcome_of(search.problem, steps, rank(left), found, before)
+
+
+def _with_shown(search, twin, proposal, names):
+    """Return a Proposal with what captures show by themselves, first: it is there, however little it explains so far."""
+    shown = [n for n in names if search.problem.shows(n) and n not in {*twin.names, *proposal.names}]
+    effects = [(n, search.problem.starts_of(n)[0]) for n in shown]
+    return Proposal([*effects, *proposal.effects], dict.fromkeys(shown, []) | proposal.rivals)
 
 
 def _told_by(selection, few):
@@ -118,7 +125,8 @@ def _found(selection, base, here, names, proposal):
             dropped |= set(patches)
             end = _without(search, end, patches)
             there = _standing(search, base, end)
-        if not _closes_enough(here, there, min(MIN_SHARE * len(_added(there, here)), MAX_SHARE_ASKED)):
+        asked = [n for n in _added(there, here) if not search.problem.shows(n)]
+        if not _closes_enough(here, there, min(MIN_SHARE * len(asked), MAX_SHARE_ASKED)):
             break
         here, at, alike = there, end, alike | as_good
         if is_at_floor(here):

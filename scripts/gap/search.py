@@ -53,7 +53,7 @@ class Search:
         self.fixed = frozenset(fixed)
         self._of_starts = {}
         self._prepared = None, None, None
-        self.discrete = Discrete(self.solver, self.train, self.fixed)
+        self.discrete = Discrete(self.solver, self.train, self.is_given)
 
     @property
     def cost(self):
@@ -70,11 +70,11 @@ class Search:
 
     def free(self, effects):
         """Return [(effect, parameter)] of all that a fit of a list of effects may move: not what the captures show."""
-        return [f for f in fitted_parameters(effects) if f not in self.fixed and not self.is_read(f)]
+        return [f for f in fitted_parameters(effects) if not self.is_given(f)]
 
-    def is_read(self, parameter):
-        """Return whether the captures show the value of (effect, parameter) by themselves: a whole number."""
-        return spec(parameter).discrete and self.problem.shows(parameter[0])
+    def is_given(self, parameter):
+        """Return whether nothing moves (effect, parameter): the user wrote its value, or captures show a whole number."""
+        return parameter in self.fixed or bool(spec(parameter).discrete and self.problem.shows(parameter[0]))
 
     def is_fixed(self, name):
         """Return whether an effect stays: every twin of the problem has it, or the user wrote some value of it."""
@@ -104,6 +104,8 @@ class Search:
             offsets = self.solver.offsets_of(effects, poses, self.train)
         geometric = [f for f in free if is_geometric(f)]
         effects, poses = self.solver.fit_geometry(effects, geometric, poses, offsets, self.train, scale, iterations=10)
+        if scale > SCALE_FROM_NEAR and (rough := [n for n, _ in effects if self.problem.shows(n)]):
+            effects, poses = self.solver.without_rough(effects, rough, moving or free, poses, captures, iterations)
         return self.solver.descend(effects, moving or free, poses, captures, iterations)
 
     def scored(self, fit, free, floors=None):
@@ -302,13 +304,10 @@ class Search:
         probe, few = probes(self.train), ITERATIONS_OF_RIVALS if lead else ITERATIONS_OF_STARTS
         fits = [self.solver.approach(s, free, twin.poses, probe, few, SCALE_FROM_START) for s in starts]
         best = min(fits, key=lambda f: f.loss)
-        if lead and best.loss > MAX_BEHIND * self._loss(lead.twin, probe):
-            return None
+        if lead:
+            leading = total(self.solver.residuals_of(lead.twin.effects, lead.twin.poses, probe), NU)
+            return best.state.effects if best.loss <= MAX_BEHIND * leading else None
         return best.state.effects
-
-    def _loss(self, twin, indices):
-        """Return the loss of a twin on some of the fitted captures."""
-        return total(self.solver.residuals_of(twin.effects, twin.poses, indices), NU)
 
     def _likely_starts(self, twin, effect):
         """Return those of an effect's starts that are worth a short fit."""

@@ -298,6 +298,14 @@ class Solver:
                 width = max(1.0, width / 3)
         return Descent(State(effects, poses), tuple(free), groups, derivatives, converged)
 
+    def without_rough(self, effects, rough, free, poses, train, iterations):
+        """Return (effects, poses) fitted without the effects named ``rough``, which stay as they are.
+
+        A codec's steps make the loss rough: a fit from afar would stick.
+        """
+        end = self.descend([e for e in effects if e[0] not in rough], free, poses, train, iterations).state
+        return [(n, dict(end.effects).get(n, p)) for n, p in effects], end.poses
+
     # -- scoring --------------------------------------------------------------------------------------------------
 
     def score(self, effects, poses, indices):

@@ -180,7 +180,7 @@ def test_places_are_compared_only_where_they_make_a_difference(others, compared)
         tried.append(dict(effects)["tone_curve"]["place"])
         return {"levels": np.array([3.0 - tried[-1]]), "pose": np.zeros(6)}
 
-    discrete = Discrete(SimpleNamespace(residuals_towards=residuals), [0], frozenset())
+    discrete = Discrete(SimpleNamespace(residuals_towards=residuals), [0], lambda parameter: False)
     curve = library.nulls_of("tone_curve") | {"lift_at_50_pct_dn": 9.0, "place": 0.0}
     best = discrete.best_values("tone_curve", curve, others, ["place"], np.zeros((1, 6)))
     assert len(tried) == compared

@@ -9,8 +9,10 @@ from cases import case_of_several, generated_case
 
 from effects import library
 from gap import joint_way
-from gap.joint_way import _exchanged, _is_patch, _told_apart, all_at_once
+from gap.joint_way import _exchanged, _is_patch, _told_apart, _with_shown, all_at_once
+from gap.linear_model import Proposal
 from gap.outcome import Selection, Step
+from gap.parameters import fitted_parameters
 from gap.search import Search
 from gap.twin import Twin
 
@@ -55,6 +57,34 @@ def test_few_effects_are_looked_for_one_by_one(tmp_path):
     """Fails if a camera with one effect is taken for one with many."""
     case, _ = generated_case(tmp_path, "single", "lens_blur")
     assert found_together(case, ["lens_blur", "exposure", "vignetting", "focal_length"]) is None
+
+
+def test_a_codec_beside_others_is_fitted_from_afar_to_the_floor(tmp_path):
+    """Fails if a fit sticks on a codec's steps, or how flat it left the ground counts to a tenth of a level: gap 3.7."""
+    names = ["colour_balance", "jpeg_compression", "lens_blur", "tone_curve"]
+    case = case_of_several(tmp_path, names, size="small")
+    twin = Search(case).fitted([(n, case.starts_of(n)[0]) for n in names])
+    assert twin.converged and twin.gap < 1.4
+
+
+def test_what_captures_show_goes_in_first_and_stays():
+    """Fails if a codec that closes little by itself waits for others, or its whole numbers are compared beside wrong twins."""
+    problem = SimpleNamespace(
+        shows=lambda n: {"loss": 45.0} if n == "jpeg_compression" else {}, starts_of=lambda n: [library.nulls_of(n)]
+    )
+    proposal = Proposal([("lens_blur", library.nulls_of("lens_blur"))], {"lens_blur": []})
+    first = _with_shown(
+        SimpleNamespace(problem=problem),
+        SimpleNamespace(names=[]),
+        proposal,
+        ["jpeg_compression", "lens_blur", "defocus"],
+    )
+    assert first.names == ["jpeg_compression", "lens_blur"]
+    search = SimpleNamespace(problem=problem, fixed={("lens_blur", "sigma_px")})
+    given = [
+        f for f in fitted_parameters([(n, library.nulls_of(n)) for n in first.names]) if Search.is_given(search, f)
+    ]
+    assert given == [("jpeg_compression", "loss"), ("lens_blur", "sigma_px")]
 
 
 def descent(loss, name):

@@ -48,6 +48,18 @@ def test_white_noise_has_no_structure():
         assert abs(value[name]) < 4 * error[name] < 0.3, name
 
 
+def test_ground_that_a_codec_left_flat_tells_little_of_its_noise():
+    """Fails if it counts to a tenth of a level how flat: that hangs on where the level lies between a codec's steps."""
+    one_block_higher = np.where(np.arange(SHAPE[1]) // 8 == 5, 101.0, 100.0) + np.zeros(SHAPE)
+    (flat, error), (noisy, of_noisy) = noise_of(one_block_higher), noise_of(white_noise(0.4, 3))
+    assert flat["noise_ground"] < np.log(1 / 12) < noisy["noise_ground"]
+    assert error["noise_ground"] == 1.0 and of_noisy["noise_ground"] < 0.02
+    assert (
+        np.isnan([flat[n] for n in NOISE_FEATURES[4:]]).all()
+        and np.isfinite([noisy[n] for n in NOISE_FEATURES[4:12]]).all()
+    )
+
+
 def test_steps_between_blocks_show_as_blocks_of_their_direction():
     """Fails if x and y are swapped, steps are looked for beside the blocks' edges, or their square is not set against noise."""
     sd, half_step = 2.0, 1.5

@@ -16,6 +16,8 @@ LARGEST_PX = 900
 FEWEST_PX = 200
 FEWEST_GROUND_PX = 2000
 SHORTEST_STRIPE_PX = 8
+FLAT_DN2 = 1 / 12  # variance that rounding alone would add: only a codec leaves less
+FLAT_ERROR = 1.0  # of the logarithm of less
 FEWEST_STRIPES = 20
 NOISE_FEATURES = (
     "noise_ground", "noise_white", "noise_black", "noise_sky", "noise_y_over_x", "noise_lag2_x", "noise_lag2_y",
@@ -176,8 +178,8 @@ def noise_features(green, red, blue, classes, ground):
     for i, k in enumerate((GROUND, WHITE, BLACK, SKY)):
         if n[k] >= FEWEST_PX:
             values[i] = np.log(max((sums[k, 0] + sums[k, 2]) / n[k] / 2, 1e-3))
-            errors[i] = np.sqrt(3 / n[k])
-    if n[GROUND] >= FEWEST_GROUND_PX:
+            errors[i] = np.sqrt(3 / n[k]) if values[i] > np.log(FLAT_DN2) else FLAT_ERROR
+    if n[GROUND] >= FEWEST_GROUND_PX and values[0] > np.log(FLAT_DN2):
         se = np.sqrt(6 / n[GROUND])
         g = GROUND
         values[4:7] = _log_ratio(d1y[g], d1x[g]), _log_ratio(d2x[g], d1x[g]), _log_ratio(d2y[g], d1y[g])
