@@ -16,8 +16,8 @@ LARGEST_PX = 900
 FEWEST_PX = 200
 FEWEST_GROUND_PX = 2000
 SHORTEST_STRIPE_PX = 8
-FLAT_DN2 = 1 / 12  # variance that rounding alone would add: only a codec leaves less
-FLAT_ERROR = 1.0  # of the logarithm of less
+FLAT_DN2 = 1 / 12  # variance that rounding adds: what a codec or a filter leaves below it hangs on a tenth of a level
+FLAT_ERROR = 1.0  # standard error of such a variance's logarithm
 FEWEST_STRIPES = 20
 NOISE_FEATURES = (
     "noise_ground", "noise_white", "noise_black", "noise_sky", "noise_y_over_x", "noise_lag2_x", "noise_lag2_y",
@@ -163,7 +163,7 @@ def _log_ratio(a, b):
 
 
 def noise_features(green, red, blue, classes, ground):
-    """Return (values, standard errors) of NOISE_FEATURES; NaN where there is too little flat ground.
+    """Return (values, standard errors) of NOISE_FEATURES; NaN where there is too little ground, or of less noise than FLAT_DN2.
 
     green, red, blue (H, W) float; red and blue may be None for a grey image; classes (H, W); ground (k, 4) x0, y0, x1, y1 of
     regions that are ground alone. Variances are those of differences of
