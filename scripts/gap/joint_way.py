@@ -92,11 +92,11 @@ def _with_fewer_plates(search):
 
 
 def _seen(search, twin):
-    """Return a Twin as the captures of another search see it, in floors of its own: repeats differ by more where it is wrong."""
+    """Return a Twin as the captures of another search see it, in floors of its own, as the verdict's are."""
     effects = list(twin.effects)
     poses, groups = search.solver.score(effects, twin.poses, search.test)
     _, of_train = search.solver.score(effects, poses, search.train)
-    return replace(twin, poses=poses, groups=groups, floors=search.problem.floors_of(of_train | groups))
+    return replace(twin, poses=poses, groups=groups, floors=search.floors_at(effects, poses, of_train | groups))
 
 
 def _found(selection, base, here, names, proposal):

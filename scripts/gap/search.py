@@ -114,12 +114,12 @@ class Search:
         poses, groups = self.solver.score(effects, fit.state.poses, self.test)
         if floors is None:
             _, of_train = self.solver.score(effects, poses, self.train)
-            floors = self._floors(effects, poses, of_train | groups)
+            floors = self.floors_at(effects, poses, of_train | groups)
         errors, cautious = (dict(zip(free, e, strict=True)) for e in (fit.errors, fit.cautious_errors))
         evidence = evidence_of(effects, free, fit.precision)
         return Twin(tuple(effects), poses, groups, floors, errors, cautious, evidence, fit.loss, fit.converged)
 
-    def _floors(self, effects, poses, groups):
+    def floors_at(self, effects, poses, groups):
         """Return {group: floor}: what trials of a station differ by, or the twin's own captures from what it expects.
 
         The second is more where noise meets a codec's leaps, or where a pattern repeats that only the real sensor knows;

@@ -9,7 +9,7 @@ from cases import case_of_several, generated_case
 
 from effects import library
 from gap import joint_way
-from gap.joint_way import _exchanged, _is_patch, _told_apart, _with_shown, all_at_once
+from gap.joint_way import _exchanged, _is_patch, _seen, _told_apart, _with_shown, all_at_once
 from gap.linear_model import Proposal
 from gap.outcome import Selection, Step
 from gap.parameters import fitted_parameters
@@ -145,6 +145,15 @@ def test_what_did_as_well_is_told_with_a_twin_in_its_place():
     assert told.confused_with == ("defocus",)
     assert [c.twin.names for c in told.candidates] == [["lens_blur", "exposure"], ["defocus", "exposure"]]
     assert _told_apart(step, told, [], twin).confused_with == ("defocus",)
+
+
+def test_rounds_end_at_the_floors_of_the_verdict():
+    """Fails if rounds go on to floors of repeats alone where the twin's own noise scatters more."""
+    solver = SimpleNamespace(score=lambda effects, poses, captures: (poses, {i: {} for i in captures}))
+    search = SimpleNamespace(
+        solver=solver, test=[0], train=[1], floors_at=lambda effects, poses, groups: {"noise": len(groups)}
+    )
+    assert _seen(search, base_twin()).floors == {"noise": 2}
 
 
 def base_twin():
