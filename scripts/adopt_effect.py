@@ -100,6 +100,10 @@ def finding(diagnosis, effect):
             values = {k: (v["value"], v.get("se")) for k, v in step["parameters"].items()}
             gaps = f"held-out gap {step['gap_before']:.2f} -> {step['gap_after']:.2f} floors"
             return values, f"verdict on {where}, {gaps}"
+    for part in diagnosis.get("whole_lens", {}).get("effects", []):
+        if part["effect"] == effect:
+            values = {k: (v["value"], v.get("se")) for k, v in part["parameters"].items()}
+            return values, f"fitted with the whole lens by the diagnosis of {where}"
     for candidate in diagnosis["candidates"]:
         if candidate["effect"] == effect and candidate.get("parameters"):
             values = {k: (v, None) for k, v in candidate["parameters"].items()}

@@ -34,6 +34,7 @@ from gap.score import gap_error, group_gaps, overall_gap
 from gap.search import rank
 from gap.select_effects import verdict
 from gap.where import explained_shares, field_gaps, noise_gaps, plate_gaps
+from gap.whole_lens import whole_lens_record
 from imports import imports_of
 from inputs import tables
 from job import seed_of
@@ -170,6 +171,7 @@ def diagnose_camera(
     if not case.draws:
         result["floor"] = {"corners_px": case.noise_px} | twin.floors
         result |= telling_record(result["steps"], *cannot_tell(search, twin, competing))
+        result["whole_lens"] = whole_lens_record(search, twin)
     if patches:
         facts = camera, sorted(fixed), twin.effects, twin.poses.tobytes()
         store = stored_outcomes(

@@ -100,6 +100,11 @@ def is_of_boards(name):
     return getattr(effect_named(name), "ONLY_BOARDS", False)
 
 
+def is_of_lens(name):
+    """Return whether an effect is the lens's, and moves points."""
+    return effect_named(name).STAGE == "lens" and is_pure_geometry(name)
+
+
 def moves_points(name):
     """Return whether an effect moves image points."""
     return hasattr(effect_named(name), "map_points")

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from gap.geometry_first import told_by_corners
 from gap.linear_model import MIN_SHARE_PROPOSED, Proposal, proposed
 from gap.outcome import Selection, Step, outcome_of, without_unneeded
 from gap.parameters import get_parameter, spec
@@ -45,10 +46,11 @@ def all_at_once(selection, base, twin, names, before, taken=()):
     if search.problem.is_board or is_at_floor(twin):
         return None
     few, found = _with_fewer_plates(search), twin
-    first = _with_shown(few, twin, proposed(few, twin, names), names)
+    first, poses = _first(few, twin, names)
     if len(first.effects) >= MANY:
         ahead = Selection(few, selection.budget - search.cost, {}, _told_by(selection, few))
-        found, order, alike = _found(ahead, _seen(few, base), _seen(few, twin), names, first)
+        here = replace(_seen(few, twin), poses=poses)
+        found, order, alike = _found(ahead, _seen(few, base), here, names, first)
     search.solver.cost += few.cost
     if set(found.names) == set(twin.names):
         return None
@@ -65,11 +67,16 @@ def all_at_once(selection, base, twin, names, before, taken=()):
     return outcome_of(search.problem, steps, rank(left), found, before)
 
 
-def _with_shown(search, twin, proposal, names):
-    """Return a Proposal with what captures show by themselves, first: it is there, however little it explains so far."""
-    shown = [n for n in names if search.problem.shows(n) and n not in {*twin.names, *proposal.names}]
-    effects = [(n, search.problem.starts_of(n)[0]) for n in shown]
-    return Proposal([*effects, *proposal.effects], dict.fromkeys(shown, []) | proposal.rivals)
+def _first(search, twin, names):
+    """Return (Proposal, poses near it) of what captures show by themselves, what corners tell, and what is proposed beside
+    that: beside a codec's steps derivatives are rough.
+    """
+    shown = [(n, search.problem.starts_of(n)[0]) for n in names if search.problem.shows(n) and n not in twin.names]
+    moving, poses, rivals = told_by_corners(search, twin, names)
+    near = _seen(search, replace(twin, effects=(*twin.effects, *moving), poses=poses)) if moving else twin
+    further = proposed(search, near, [n for n in names if n not in dict(shown)])
+    rivals = dict.fromkeys(dict(shown), []) | rivals | further.rivals
+    return Proposal([*shown, *moving, *further.effects], rivals), poses
 
 
 def _told_by(selection, few):

@@ -134,8 +134,9 @@ def linear_model(search, twin, names):
     ways = [Way(n, acting[n], None, tuple(i for i, f in enumerate(free) if f[0] == n)) for n in names if acting[n]]
     towards = []
     for n in names:
-        for start in search.problem.starts_of(n):
-            if not acting[n] or _goes_elsewhere(n, start):
+        starts = search.problem.starts_of(n)
+        for start in starts:
+            if not acting[n] or _goes_elsewhere(n, start) or len(starts) > 1:
                 ways.append(Way(n, (), start, (len(free) + len(towards),)))
                 towards.append(search.solver.ways(twin.effects, [*twin.effects, (n, start)], twin.poses, indices))
     own, count = search.free(twin.effects), len(free) + len(towards)

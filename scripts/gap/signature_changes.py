@@ -22,6 +22,7 @@ MOST_LAID, PATCHES_LAID = 4, 6  # photographs of a set, patches of each, on whic
 SCALES = (0.1, 4.0)  # of an effect's starts, at least and at most
 FIRST_STEP = 5.0  # times what matters, from effects that start at nothing
 MAX_REFINED, STEPS = 4, 4  # effects whose parameters are fitted, steps of a fit
+DIFFERENCE = 0.1  # of its value, by which a parameter goes for a derivative: grey levels are whole, so less is rough
 FAR_BEHIND = 6.0  # times what the best leaves, from which an effect's are not
 MIN_SHARE_EXPLAINED = 0.5  # of what has changed, that a named effect explains
 MIN_SHARE_OF_NEXT = (
@@ -181,10 +182,11 @@ def tried(name, layer, comparison):
     None where it leads the other way.
     """
     nulls = library.nulls_of(name)
-    if all(nulls | s == nulls for s in library.starts_of(name)):
-        return _tried_from_nothing(name, layer, comparison) if layer.sign > 0 else None
+    from_nothing = all(nulls | s == nulls for s in library.starts_of(name))
+    if from_nothing and layer.sign < 0:
+        return None
     found, start_distance = [], comparison.distance(np.zeros(len(SIGNS)))
-    for start in starts_of(name):
+    for start in [_from_nothing(name, layer, comparison)] if from_nothing else starts_of(name):
         trial = laid_on(name, start, layer, comparison)
         way = start_distance - comparison.distance(trial.moved)
         scale = float(way @ start_distance) / max(float(way @ way), 1e-9)
@@ -206,17 +208,18 @@ def starts_of(name):
     return out
 
 
-def _tried_from_nothing(name, layer, comparison):
-    """Return the Trial of an effect whose parameters may be of either sign, all as they would fit best if it were linear."""
+def _from_nothing(name, layer, comparison):
+    """Return the parameters of an effect that may be of either sign, all as they would fit best if it were linear."""
     nulls, start = library.nulls_of(name), comparison.distance(np.zeros(len(SIGNS)))
     keys = [k for k in _fitted(name) if not spec((name, k)).auxiliary]
-    steps = np.array([FIRST_STEP * spec((name, k)).matters for k in keys])
+    specs = [spec((name, k)) for k in keys]
+    steps = np.array([FIRST_STEP * s.matters for s in specs])
+    wide = np.array([s.prior_sd or s.upper - s.lower for s in specs])
     moved = [laid_on(name, nulls | {k: nulls[k] + h}, layer, comparison) for k, h in zip(keys, steps, strict=True)]
     ways = np.stack([start - comparison.distance(t.moved) for t in moved], axis=1)
-    times = np.linalg.solve(ways.T @ ways + np.eye(len(keys)), ways.T @ start)
-    specs = [spec((name, k)) for k in keys]
+    times = np.linalg.solve(ways.T @ ways + np.diag((steps / wide) ** 2), ways.T @ start)
     values = [float(np.clip(s.null + n * h, s.lower, s.upper)) for s, n, h in zip(specs, times, steps, strict=True)]
-    return laid_on(name, nulls | dict(zip(keys, values, strict=True)), layer, comparison)
+    return nulls | dict(zip(keys, values, strict=True))
 
 
 def laid_on(name, parameters, layer, comparison):
@@ -254,7 +257,7 @@ def refined(trial, layer, comparison):
         return np.concatenate([comparison.distance(layer.move([(name, parameters)])), pull])
 
     fit = least_squares(
-        left, start / unit, bounds=(lower / unit, upper / unit), x_scale=1.0, diff_step=0.02, max_nfev=STEPS
+        left, start / unit, bounds=(lower / unit, upper / unit), x_scale=1.0, diff_step=DIFFERENCE, max_nfev=STEPS
     )
     end = laid_on(name, trial.parameters | dict(zip(keys, (fit.x * unit).tolist(), strict=True)), layer, comparison)
     errors = np.sqrt(np.diagonal(np.linalg.pinv(fit.jac.T @ fit.jac))) * unit

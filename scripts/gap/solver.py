@@ -118,34 +118,15 @@ class Solver:
         theta = np.array([get_parameter(effects, f) for f in free])
         null, precision = priors_of(free)
         lower, upper = bounds_of(free)
-        damping, prior = 1e-6, self.prior
-        best = np.inf
+        damping, best = 1e-6, np.inf
         for _ in range(iterations):
-            H = np.diag(precision)
-            g = precision * (null - theta)
-            loss = (precision * (null - theta) ** 2).sum()
-            blocks = []
-            nu = NU * max(scale, 1.0) ** 2
+            current = with_parameters(effects, free, theta)
+            H, g = np.diag(precision), precision * (null - theta)
+            loss, blocks, nu = prior_loss(free, theta), [], NU * max(scale, 1.0) ** 2
             for i in train:
-                current = with_parameters(effects, free, theta)
-                y = self.corner_residuals(i, current, poses[i], offsets[i])
-                loss += (nu * np.log1p(y * y / nu)).sum()
-                weight = 1 / (1 + y * y / nu)
-                Li = self.whiteners[i].corner_inverse
-                Jp = np.einsum("pij,pjk->pik", Li, self.derivatives_of.corners_by_pose(i, current, poses[i]))
-                Jt = np.einsum(
-                    "pij,pjk->pik", Li, self.derivatives_of.corners_by_parameters(i, current, free, poses[i])
-                )
-                wy = (weight * y).reshape(-1)
-                Jp, Jt = Jp.reshape(y.size, 6), Jt.reshape(y.size, len(free))
-                wJp = weight.reshape(-1, 1) * Jp
-                A = Jp.T @ wJp + np.diag(prior + 1e-9)
-                b = Jp.T @ wy - prior * poses[i]
-                C = wJp.T @ Jt
-                H += Jt.T @ (weight.reshape(-1, 1) * Jt) - C.T @ np.linalg.solve(A, C)
-                g += Jt.T @ wy - C.T @ np.linalg.solve(A, b)
-                blocks.append((i, A, b, C))
-                loss += (prior * poses[i] ** 2).sum()
+                H_i, g_i, block, loss_i = self._corner_equations(i, current, free, poses[i], offsets[i], nu)
+                H, g, loss = H + H_i, g + g_i, loss + loss_i
+                blocks.append((i, *block))
             d = np.zeros(len(free))
             if len(free):
                 d = np.linalg.solve(H + np.diag(np.diag(H) * damping + 1e-12), g)
@@ -159,6 +140,33 @@ class Solver:
             best = loss
             scale *= 0.5
         return with_parameters(effects, free, theta), poses
+
+    def _corner_equations(self, i, effects, free, pose, offset, nu):
+        """Return (H, g, (A, b, C), loss) of capture i's corners by free parameters, its pose eliminated by the block."""
+        y = self.corner_residuals(i, effects, pose, offset)
+        weight = 1 / (1 + y * y / nu)
+        Li = self.whiteners[i].corner_inverse
+        Jp = np.einsum("pij,pjk->pik", Li, self.derivatives_of.corners_by_pose(i, effects, pose))
+        Jt = np.einsum("pij,pjk->pik", Li, self.derivatives_of.corners_by_parameters(i, effects, free, pose))
+        wy = (weight * y).reshape(-1)
+        Jp, Jt = Jp.reshape(y.size, 6), Jt.reshape(y.size, len(free))
+        wJp = weight.reshape(-1, 1) * Jp
+        A = Jp.T @ wJp + np.diag(self.prior + 1e-9)
+        b = Jp.T @ wy - self.prior * pose
+        C = wJp.T @ Jt
+        H = Jt.T @ (weight.reshape(-1, 1) * Jt) - C.T @ np.linalg.solve(A, C)
+        g = Jt.T @ wy - C.T @ np.linalg.solve(A, b)
+        return H, g, (A, b, C), (nu * np.log1p(y * y / nu)).sum() + (self.prior * pose**2).sum()
+
+    def precision_by_corners(self, effects, free, poses, train):
+        """Return (H, loss, count): the Hessian (k, k) of half the corners' loss by free geometric parameters, poses eliminated;
+        that loss, and of how many residuals.
+        """
+        H, loss, count, none = np.diag(priors_of(free)[1]), 0.0, 0, self.no_offsets()
+        for i in train:
+            H_i, _, _, loss_i = self._corner_equations(i, effects, free, poses[i], none[i], NU)
+            H, loss, count = H + H_i, loss + loss_i, count + self.whiteners[i].plates.size * self.problem.corner_numbers
+        return H, loss, count
 
     # -- everything -----------------------------------------------------------------------------------------------
 

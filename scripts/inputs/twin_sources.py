@@ -60,15 +60,15 @@ def camera_twin(campaign, folder, camera, verdict=None):
 
 
 def effects_of(diagnosis):
-    """Return the effects [(name, {parameter: value})] after a diagnosis's last step."""
-    chosen = [(e["effect"], dict(e["parameters"])) for e in diagnosis.get("configured") or []]
-    for step in diagnosis["steps"]:
-        chosen.append((step["effect"], {k: v["value"] for k, v in step["parameters"].items()}))
+    """Return the effects [(name, {parameter: value})] after a diagnosis's last step, of a board's photographs the whole lens."""
+    chosen = {e["effect"]: dict(e["parameters"]) for e in diagnosis.get("configured") or []}
+    for found in (*diagnosis["steps"], *diagnosis.get("whole_lens", {}).get("effects", [])):
+        chosen[found["effect"]] = {k: v["value"] for k, v in found["parameters"].items()}
     known = library.available_effects()
-    for name, parameters in chosen:
+    for name, parameters in chosen.items():
         if name not in known or set(parameters) - set(known[name].PARAMETERS):
             raise InputError(f"the diagnosis names {name!r} {sorted(parameters)}, which this version does not have")
-    return pipeline.in_order(chosen)
+    return pipeline.in_order(list(chosen.items()))
 
 
 def _matrix(campaign, camera, nominal):

@@ -97,7 +97,19 @@ def verdict_words(diagnosis):
         station = diagnosis.get("suggested_station")
         if station and station.get("height_m") is not None:
             words += f" A station at {station['height_m']:g} m height and {station['tilt_deg']:g}° tilt could."
-    return words + needs_words(diagnosis) + not_looked_at_words(diagnosis)
+    return words + whole_lens_words(diagnosis) + needs_words(diagnosis) + not_looked_at_words(diagnosis)
+
+
+def whole_lens_words(diagnosis):
+    """Return what fitting a lens's small terms too brings on left-out photographs; nothing where it brings nothing."""
+    lens = diagnosis.get("whole_lens")
+    if not lens or lens["left_out_px"] >= lens["left_out_px_of_named"]:
+        return ""
+    names = listed(plain(name) for name in lens["too_small_for_a_name"])
+    off = f"{lens['left_out_px']:.3f} px off, {lens['left_out_px_of_named']:.3f} px without"
+    return (
+        f" Fitted as a calibration, with what is too small for a name ({names}), the lens leaves left-out points {off}."
+    )
 
 
 def or_others(step):

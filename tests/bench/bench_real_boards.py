@@ -35,6 +35,7 @@ from gap.select_effects import BUDGET, verdict  # noqa: E402
 from gap.signature import SIGNS  # noqa: E402
 from gap.signature_case import NumbersOf  # noqa: E402
 from gap.signature_changes import can_be_laid_on  # noqa: E402
+from gap.whole_lens import left_out_px, with_whole_lens  # noqa: E402
 from inputs.campaign import Board, load_campaign  # noqa: E402
 from observe_captures import observe_captures  # noqa: E402
 from observe_patches import observe_patches  # noqa: E402
@@ -67,6 +68,7 @@ COLUMNS = [
     "not_told",
     "needs",
     "over_opencv",
+    "over_opencv_named",
     "dn_nominal",
     "dn_own_light",
     "told_apart",
@@ -82,8 +84,9 @@ What the program says of sets of photographs by real cameras that others publish
   what cells show; **of points** alone. Where it is above 1.2 afterwards, the groups of observables that are, the largest first.
 - **edges off**: by how much the second moment of edges' spread differs between left-out photographs and twins, square pixels, before
   and after; **noise off**: by which factor their noise does.
-- **left out, over OpenCV**: root mean square of left-out points, over that of OpenCV's calibration with five coefficients, which is
-  fitted to the same photographs. Below 1 the twin projects better.
+- **left out, over OpenCV**: root mean square of left-out points, poses by least squares, over that of OpenCV's calibration with five
+  coefficients, which is fitted to the same photographs; of the twin with its whole lens (what is too small for a name is fitted as
+  well), and with the effects named alone. Below 1 the twin projects better.
 - **levels off**: root mean square difference, grey levels, of left-out photographs and their twins between the board's outermost
   points, the median photograph; in the nominal light, and in the light that each photograph's own white and black show.
 - **told apart**: area under the ROC curve of a logistic model that tells patches of 32 pixels of left-out photographs from those of
@@ -131,7 +134,7 @@ def diagnosed(name, folder):
         effects = [e for e in effects if not can_be_laid_on(e[0])] + list(closer.twin.effects)
     except ValueError as why:
         result["verdict"] += f" ({why})"
-    ours, theirs = left_out_px(search, outcome.twin), opencv_left_out_px(search)
+    ours, theirs = left_out_px(search, with_whole_lens(search, outcome.twin)), opencv_left_out_px(search)
     view = case.captures[0].view
     return row | {
         "photographs": len(search.train) + len(search.test),
@@ -148,6 +151,7 @@ def diagnosed(name, folder):
         "not_told": ", ".join(plain(n) for n in result["not_told"]),
         "needs": "; ".join(sorted({need["text"].partition(": ")[2] for need in result["needs"]})),
         "over_opencv": f"{ours / theirs:.3f}",
+        "over_opencv_named": f"{left_out_px(search, outcome.twin) / theirs:.3f}",
         **against_photographs(search, outcome.twin, effects, declared, (expand, intrinsics, campaign)),
         "cpu_s": f"{time.process_time() - start:.0f}",
     }
@@ -240,19 +244,8 @@ def board_mask(points, pixels, shape):
     return cv2.fillConvexPoly(np.zeros(shape[:2], np.uint8), hull, 1) > 0
 
 
-def left_out_px(search, twin):
-    """Return the RMS length, pixels, of what a Twin's left-out photographs lie off, their poses fitted."""
-    case, effects = search.problem, list(twin.effects)
-    poses, _ = search.solver.score(effects, twin.poses, search.test)
-    off = [
-        case.captures[i].observation.features - case.corners_of(case.captures[i], effects, poses[i])[:, 0]
-        for i in search.test
-    ]
-    return rms_length(np.concatenate(off))
-
-
 def opencv_left_out_px(search):
-    """Return the same of OpenCV's calibration with five coefficients, fitted to the twin's photographs."""
+    """Return gap.whole_lens.left_out_px of OpenCV's calibration with five coefficients, fitted to the twin's photographs."""
 
     def points_of(indices):
         seen = {i: search.problem.captures[i].observation for i in indices}
@@ -271,12 +264,7 @@ def opencv_left_out_px(search):
         _, r, t = cv2.solvePnP(points, pixels, K, distortion)
         r, t = cv2.solvePnPRefineLM(points, pixels, K, distortion, r, t)
         off.append(cv2.projectPoints(points, r, t, K, distortion)[0][:, 0] - pixels)
-    return rms_length(np.concatenate(off))
-
-
-def rms_length(off):
-    """Return the root mean square length of differences (n, 2), NaN left out."""
-    return float(np.sqrt(np.nanmean((off**2).sum(1))))
+    return float(np.sqrt((np.concatenate(off) ** 2).sum(1).mean()))
 
 
 def page(table):
@@ -295,6 +283,7 @@ def page(table):
             "not_told": "cannot be told",
             "needs": "what would tell",
             "over_opencv": "left out, over OpenCV",
+            "over_opencv_named": "with the named alone",
             "dn_nominal": "levels off, nominal light",
             "dn_own_light": "levels off, own light",
             "told_apart": "told apart, AUC",

@@ -119,6 +119,18 @@ def test_the_twins_file_goes_before_the_verdict(place):
     assert read_calibration("cam.cameramodel").fx == pytest.approx(190.0)
 
 
+def test_a_boards_whole_lens_goes_out(place):
+    """Fails if small terms of a lens, or the focal length that nobody knew, stay behind because they have no name."""
+    path = place / "results/c/diagnosis/cam.json"
+    lens = [("focal_length", {"ratio": 1.1}), ("principal_point", {"dx_px": 2.0, "dy_px": -1.0})]
+    effects = [{"effect": n, "parameters": {k: {"value": v, "se": 0.1} for k, v in p.items()}} for n, p in lens]
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"whole_lens": {"effects": effects}}))
+    export_camera.main(["cam", "--format", "mrcal", "--campaign", "mine"])
+    found = read_calibration("cam.cameramodel")
+    assert (found.fx, found.cx, found.cy) == pytest.approx((209.0, 101.5, 68.5))
+    assert found.coefficients[0] == pytest.approx(-0.12, abs=1e-9)
+
+
 @pytest.mark.parametrize(("arguments", "message"), [
     (["other", "--format", "opencv"], "no such diagnosis"),
     (["cam", "--format", "zemax"], "there are colmap"),

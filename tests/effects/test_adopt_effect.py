@@ -84,6 +84,20 @@ def test_the_verdicts_effects_one_after_the_other(place, capsys):
     assert place.read_text() == before
 
 
+def test_a_lens_too_small_for_a_name_is_adopted_as_the_whole_lens_has_it(place, tmp_path):
+    """Fails if of a board's small terms the values of a candidate fitted alone are written, or none."""
+    path = tmp_path / "results/c/diagnosis/cam.json"
+    whole = {
+        "effect": CANDIDATE["effect"],
+        "parameters": {k: {"value": v, "se": 0.01} for k, v in CANDIDATE["parameters"].items()},
+    }
+    first = next(iter(whole["parameters"]))
+    whole["parameters"][first] = {"value": 0.125, "se": 0.01}
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"whole_lens": {"effects": [whole]}}))
+    assert run("cam", CANDIDATE["effect"]) == 0
+    assert "fitted with the whole lens" in place.read_text() and f"{first}: 0.125" in place.read_text()
+
+
 def test_comments_and_order_are_kept(place):
     """A file that people keep must not be rewritten behind their backs."""
     place.write_text(WRITTEN)

@@ -14,6 +14,7 @@ from gap import search, select_effects, standing
 from gap.board import board_case, local_noise_px, scales_alone, seen_by_points
 from gap.derivatives import flat
 from gap.select_effects import verdict
+from gap.whole_lens import left_out_px, whole_lens_record, with_whole_lens
 from register.registration import NO_PRIOR
 from rig.geometry import camera_matrix, make_pose, perturb_pose, project
 
@@ -97,6 +98,30 @@ def test_what_lies_within_the_floor_has_no_name(monkeypatch):
     _, base, first, outcome = verdict(problem_of(*photographs(weak)), candidates=["radial_distortion"])
     assert first[0].gain > 0 and base.gap < 1.1
     assert (outcome.steps, outcome.verdict) == ((), "adequate")
+
+
+def test_the_whole_lens_holds_what_is_too_small_for_a_name():
+    """Fails if a weak lens without a name is missing from the whole lens, or points beyond their noise are its outliers."""
+    weak = [("radial_distortion", {"k1": -0.02, "k2": 0.0, "k3": 0.0})]
+    search, _, _, outcome = verdict(problem_of(*photographs(weak, bend_px=0.08)), candidates=COMPETING)
+    assert outcome.steps == ()
+    whole, found = with_whole_lens(search, outcome.twin), whole_lens_record(search, outcome.twin)
+    fitted = {e["effect"]: e["parameters"] for e in found["effects"]}
+    assert found["too_small_for_a_name"] == COMPETING[:3] and "rolling_shutter" not in fitted
+    k1 = fitted["radial_distortion"]["k1"]
+    assert abs(k1["value"] + 0.02) < 4 * k1["se"] and k1["se"] < 0.02
+    assert found["left_out_px"] < 0.99 * found["left_out_px_of_named"]
+    assert outcome.twin.gap > 1.1
+    assert whole.loss == pytest.approx(search.fitted(whole.effects, whole.poses).loss / outcome.twin.gap**2, rel=0.25)
+    assert whole.loss < 0.9 * search.fitted(whole.effects, whole.poses).loss
+
+
+def test_left_out_points_lie_off_by_their_noise():
+    """Fails if poses of left-out photographs are not fitted, one coordinate is forgotten, or fitted photographs count."""
+    search, base, _, _ = verdict(problem_of(*photographs(number=16)), candidates=COMPETING)
+    points = np.isfinite(np.array([search.problem.captures[i].observation.features for i in search.test])).all(-1).sum()
+    freedom = 1 - 6 * len(search.test) / (2 * points)
+    assert left_out_px(search, base) == pytest.approx(NOISE_PX * np.sqrt(2 * freedom), rel=0.08)
 
 
 def test_known_intrinsics_are_not_fitted():

@@ -1,0 +1,81 @@
+"""Which effects that move points a twin lacks, told by corners alone: exact maps cost next to nothing.
+
+Far off, the robust loss hides what each of several moves of points is worth. So all of them are fitted jointly, from afar, and
+the fewest are kept without which, to second order, corners cannot do.
+"""
+
+from itertools import combinations
+
+import numpy as np
+
+from effects import library
+from gap.parameters import get_parameter, priors_of
+from gap.residuals import RHO_NOISE
+from gap.search import CLEAR_EVIDENCE, MIN_GAIN
+from gap.standing import has_good_share
+
+SCALE, ITERATIONS = 64.0, 16  # robust scale at which the joint fit begins, and its steps
+SHARE_OF_RIVALS = 0.3  # of what an effect is worth, up to which another in its place may cost more
+
+
+def told_by_corners(search, twin, names):
+    """Return (effects [(name, parameters)] that corners tell of those that a twin lacks, poses (n, 6), {name: rivals}).
+
+    Nothing where corners are a small part of what the twin leaves open.
+    """
+    moving = [n for n in names if library.is_pure_geometry(n) and n not in twin.names]
+    if not moving or not has_good_share("corners", twin.excess):
+        return [], twin.poses, {}
+    effects, poses = _fitted(search, [*twin.effects, *((n, library.nulls_of(n)) for n in moving)])
+    cost_without = _cost_without(search, effects, poses)
+    kept = _fewest(moving, cost_without)
+    rivals = {n: _rivals(n, kept, moving, cost_without) for n in kept}
+    effects, poses = _fitted(search, [e for e in effects if e[0] in {*twin.names, *kept}])
+    return [(n, p) for n, p in effects if n in kept], poses, rivals
+
+
+def _fitted(search, effects):
+    """Return (effects, poses) with all that moves points fitted to the training captures' corners, poses from their nominal."""
+    free = [f for f in search.free(effects) if library.is_pure_geometry(f[0])]
+    solver = search.solver
+    return solver.fit_geometry(
+        effects, free, search.problem.start_poses(), solver.no_offsets(), search.train, SCALE, ITERATIONS
+    )
+
+
+def _cost_without(search, effects, poses):
+    """Return a function of some effects' names: the loss of corners that taking them all out costs to second order.
+
+    Corners that other effects move a little scatter by more than their noise: losses are in units of what is left.
+    """
+    free = [f for f in search.free(effects) if library.is_pure_geometry(f[0])]
+    H, loss, count = search.solver.precision_by_corners(effects, free, poses, search.train)
+    covariance = np.linalg.pinv(H + 1e-12 * np.eye(len(free)))
+    away = np.array([get_parameter(effects, f) for f in free]) - priors_of(free)[0]
+    unit = max(loss / (RHO_NOISE * count), 1.0)
+
+    def cost(names):
+        out = [k for k, (effect, _) in enumerate(free) if effect in names]
+        return float(away[out] @ np.linalg.pinv(covariance[np.ix_(out, out)]) @ away[out]) / unit
+
+    return cost
+
+
+def _fewest(names, cost_without):
+    """Return the fewest of some effects without the rest of which corners lose nothing clear; of as few, those that cost least.
+
+    What is less clear is looked for where images are, beside these.
+    """
+    for count in range(len(names) + 1):
+        costs = {kept: cost_without(set(names) - set(kept)) for kept in combinations(names, count)}
+        best = min(costs, key=costs.get)
+        if costs[best] < CLEAR_EVIDENCE * MIN_GAIN:
+            return list(best)
+    return list(names)
+
+
+def _rivals(name, kept, names, cost_without):
+    """Return those of some effects that, in the place of one that is kept, cost little of what it is worth."""
+    rest = set(names) - set(kept)
+    least = SHARE_OF_RIVALS * cost_without(rest | {name})
+    return sorted(n for n in rest if cost_without((rest | {name}) - {n}) < least)

@@ -1,0 +1,73 @@
+"""The whole lens of a board's photographs: with what is too small for a name, fitted as a calibration fits it.
+
+A name must close a good part of what is left, as the floor is known to a factor of two; who undistorts or exports a lens
+wants its small terms as well.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from effects import library
+from gap.search import MAX_PARAMETERS, Search
+
+MAX_FITS = 3  # of a lens that does not come to rest in one
+
+
+def with_whole_lens(search, twin):
+    """Return the Twin of a BoardCase with all effects of the lens beside those that it has, fitted to the same photographs.
+
+    Points scatter by the twin's gap more than they are noisy, and weigh by that: else the robust loss would take for outliers
+    what the board's shape adds.
+    """
+    lens = [n for n in search.candidates if library.is_of_lens(n) and n not in twin.names]
+    lens = [(n, library.nulls_of(n)) for n in lens if len(library.parameters_of(n)) <= MAX_PARAMETERS]
+    scattered = _scattered(search.problem, max(twin.gap, 1.0))
+    wide = Search(scattered, search.candidates, search.fixed, (search.train, search.test), search.threads)
+    whole = wide.fitted([*twin.effects, *lens], twin.poses)
+    for _ in range(MAX_FITS - 1):
+        if not whole.converged:
+            whole = wide.fitted(whole.effects, whole.poses)
+    return whole
+
+
+def _scattered(problem, factor):
+    """Return a BoardCase whose points scatter by a factor more."""
+    captures = [
+        replace(c, observation=replace(c.observation, information=c.observation.information / factor**2))
+        for c in problem.captures
+    ]
+    return replace(problem, captures=captures)
+
+
+def left_out_px(search, twin):
+    """Return the RMS length, pixels, of what a Twin's left-out photographs of a board lie off, poses by least squares."""
+    off = np.concatenate([_off_px(search.problem, i, list(twin.effects), twin.poses[i]) for i in search.test])
+    return float(np.sqrt((off**2).sum(1).mean()))
+
+
+def _off_px(problem, i, effects, pose):
+    """Return by how much the points (n, 2) that capture i shows lie off, its pose (6,) fitted from a first one."""
+    capture = problem.captures[i]
+    seen, shown = capture.observation.measured, capture.observation.features
+
+    def off(pose):
+        return (shown - problem.corners_of(capture, effects, pose)[:, 0])[seen].ravel()
+
+    return off(least_squares(off, pose, x_scale="jac").x).reshape(-1, 2)
+
+
+def whole_lens_record(search, twin):
+    """Return what the result file says of the whole lens beside a Twin whose effects were named (dict)."""
+    whole = with_whole_lens(search, twin)
+    effects = [
+        {"effect": n, "parameters": {k: {"value": v, "se": whole.errors.get((n, k))} for k, v in p.items()}}
+        for n, p in whole.effects
+    ]
+    return {
+        "effects": effects,
+        "too_small_for_a_name": [n for n in whole.names if n not in twin.names],
+        "left_out_px": left_out_px(search, whole),
+        "left_out_px_of_named": left_out_px(search, twin),
+    }

@@ -1,0 +1,80 @@
+"""Moves of points told by corners alone, on campaigns made by an image formation that shares no code with the fit."""
+
+import numpy as np
+import pytest
+from cases import case_of_several
+
+from effects import library
+from gap.geometry_first import _fewest, _rivals, told_by_corners
+from gap.linear_model import proposed
+from gap.search import Search
+from gap.select_effects import is_flexible
+
+
+def rigid(search):
+    """Return the names of the effects that compete first."""
+    return [n for n in search.candidates if not is_flexible(n)]
+
+
+MOVING = ["focal_length", "principal_point", "radial_distortion"]
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory):
+    """(Search, first twin, what corners tell) of a camera whose lens is another and soft, and whose levels are others."""
+    case = case_of_several(tmp_path_factory.mktemp("moved"), [*MOVING, "lens_blur", "exposure"], size="standard")
+    search = Search(case)
+    base = search.fitted([])
+    return search, base, told_by_corners(search, base, rigid(search))
+
+
+def test_corners_tell_exactly_what_moved_them(told):
+    """Fails if one of three large moves is missed, hides another, or is made up for by one that was not hidden."""
+    search, base, (effects, poses, rivals) = told
+    assert sorted(n for n, _ in effects) == MOVING == sorted(rivals)
+    none = search.solver.no_offsets()
+    before, after = (
+        np.median(np.concatenate([np.abs(search.solver.corner_residuals(i, e, p[i], none[i])) for i in search.train]))
+        for e, p in (([], base.poses), (effects, poses))
+    )
+    assert after < 0.2 * before
+
+
+def test_a_blur_is_proposed_by_the_start_that_is_like_it(told):
+    """Fails if a blur is told by the change to its farthest start alone, which is none of a small one."""
+    search, base, (effects, poses, _) = told
+    names = [n for n in rigid(search) if n not in MOVING]
+    near = search.scored(search.solver.fit(effects, [], poses, search.train, 1), [])
+    found = dict(proposed(search, near, names).effects)
+    assert list(found)[:2] == ["exposure", "lens_blur"]
+    assert 0.8 < found["lens_blur"]["sigma_px"] < 1.3
+
+
+def test_where_corners_are_in_place_they_tell_nothing(tmp_path):
+    """Fails if the corners of a camera whose levels are off are fitted by lenses."""
+    search = Search(case_of_several(tmp_path, ["exposure"]))
+    base = search.fitted([])
+    effects, poses, rivals = told_by_corners(search, base, rigid(search))
+    assert (effects, rivals) == ([], {}) and poses is base.poses
+
+
+WORTH = {"focal_length": 9_000.0, "principal_point": 3_000.0, "marker_scale": 60.0}
+
+
+def cost_without(names):
+    """A model of what taking effects out costs: a shutter stands in for most of the principal point."""
+    worth = dict(WORTH, principal_point=700.0 if "rolling_shutter" not in names else 3_000.0)
+    return sum(worth.get(name, 0.0) for name in names)
+
+
+def test_the_fewest_are_kept_that_corners_cannot_do_without():
+    """Fails if what is worth little gets into the first proposal, or what is worth much is left out."""
+    assert _fewest([*WORTH, "rolling_shutter"], cost_without) == ["focal_length", "principal_point"]
+    assert _fewest(["marker_scale", "rolling_shutter"], cost_without) == []
+
+
+def test_rivals_of_a_move_cost_little_in_its_place():
+    """Fails if what does nearly as well is not compared with the images, or what does not is."""
+    kept, names = ["focal_length", "principal_point"], [*WORTH, "rolling_shutter"]
+    assert [_rivals(n, kept, names, cost_without) for n in kept] == [[], ["rolling_shutter"]]
+    assert all(library.is_pure_geometry(n) for n in names)
