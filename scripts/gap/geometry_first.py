@@ -9,13 +9,13 @@ from itertools import combinations
 import numpy as np
 
 from effects import library
+from gap.linear_model import RIVAL_SHARE
 from gap.parameters import get_parameter, priors_of
 from gap.residuals import RHO_NOISE
 from gap.search import CLEAR_EVIDENCE, MIN_GAIN
 from gap.standing import has_good_share
 
 SCALE, ITERATIONS = 64.0, 16  # robust scale at which the joint fit begins, and its steps
-SHARE_OF_RIVALS = 0.3  # of what an effect is worth, up to which another in its place may cost more
 
 
 def told_by_corners(search, twin, names):
@@ -77,5 +77,5 @@ def _fewest(names, cost_without):
 def _rivals(name, kept, names, cost_without):
     """Return those of some effects that, in the place of one that is kept, cost little of what it is worth."""
     rest = set(names) - set(kept)
-    least = SHARE_OF_RIVALS * cost_without(rest | {name})
+    least = (1 - RIVAL_SHARE) * cost_without(rest | {name})
     return sorted(n for n in rest if cost_without((rest | {name}) - {n}) < least)

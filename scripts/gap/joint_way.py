@@ -46,7 +46,7 @@ def all_at_once(selection, base, twin, names, before, taken=()):
     if search.problem.is_board or is_at_floor(twin):
         return None
     few, found = _with_fewer_plates(search), twin
-    first, poses = _first(few, twin, names)
+    first, poses = first_proposal(few, twin, names)
     if len(first.effects) >= MANY:
         ahead = Selection(few, selection.budget - search.cost, {}, _told_by(selection, few))
         here = replace(_seen(few, twin), poses=poses)
@@ -67,7 +67,7 @@ def all_at_once(selection, base, twin, names, before, taken=()):
     return outcome_of(search.problem, steps, rank(left), found, before)
 
 
-def _first(search, twin, names):
+def first_proposal(search, twin, names):
     """Return (Proposal, poses near it) of what captures show by themselves, what corners tell, and what is proposed beside
     that: beside a codec's steps derivatives are rough.
     """

@@ -1,8 +1,8 @@
-"""Which effects explain together, to first order, what a camera's first twin leaves open, and how many of these are really hidden:
+"""Which effects are proposed together for a camera's first twin, and how many of these are really hidden:
 python tests/bench/bench_together.py [SEED ...]. Of whole cameras, single effects and effects outside the library.
 
-Forward selection in the derivatives by all effects of the library, about their nulls and towards their starts; nothing is fitted but
-the first twin's poses.
+What captures show by themselves, what corners tell, and forward selection in the derivatives by all other effects of the library,
+about their nulls and towards their starts; nothing is fitted but points.
 """
 
 import argparse
@@ -19,7 +19,7 @@ sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests/bench")]
 
 import cv2  # noqa: E402
 
-from gap.linear_model import proposed  # noqa: E402
+from gap.joint_way import first_proposal  # noqa: E402
 from gap.search import Search  # noqa: E402
 from gap.select_effects import is_flexible  # noqa: E402
 from record import record  # noqa: E402
@@ -48,7 +48,7 @@ def counted(kind, index, seed):
     if search.why_unusable():
         return hidden, []
     twin = search.fitted(list(search.problem.nuisances))
-    return hidden, proposed(search, twin, [n for n in search.candidates if not is_flexible(n)]).names
+    return hidden, first_proposal(search, twin, [n for n in search.candidates if not is_flexible(n)])[0].names
 
 
 def main(argv=None):
