@@ -227,7 +227,7 @@ def _fitted_in(search, twin, proposal):
     alike = {}
     for name in proposal.names:
         rivals = [n for n in proposal.rivals[name] if n not in dict(end.state.effects)]
-        if rivals:
+        if rivals and not _is_idle(search, end.state.effects, name, end.evidence):
             end, kept, as_good = _exchanged(search, end, name, rivals)
             alike[kept] = as_good
     return end, alike

@@ -59,15 +59,20 @@ def _off_px(problem, i, effects, pose):
 
 
 def whole_lens_record(search, twin):
-    """Return what the result file says of the whole lens beside a Twin whose effects were named (dict)."""
+    """Return what the result file says of the whole lens beside a Twin whose effects were named (dict).
+
+    Of few photographs small terms may be noise: then they are left away.
+    """
     whole = with_whole_lens(search, twin)
+    off_px, off_px_of_named = (left_out_px(search, t) for t in (whole, twin))
+    best = whole if off_px < off_px_of_named else twin
     effects = [
-        {"effect": n, "parameters": {k: {"value": v, "se": whole.errors.get((n, k))} for k, v in p.items()}}
-        for n, p in whole.effects
+        {"effect": n, "parameters": {k: {"value": v, "se": best.errors.get((n, k))} for k, v in p.items()}}
+        for n, p in best.effects
     ]
     return {
         "effects": effects,
-        "too_small_for_a_name": [n for n in whole.names if n not in twin.names],
-        "left_out_px": left_out_px(search, whole),
-        "left_out_px_of_named": left_out_px(search, twin),
+        "too_small_for_a_name": [n for n in best.names if n not in twin.names],
+        "left_out_px": off_px,
+        "left_out_px_of_named": off_px_of_named,
     }

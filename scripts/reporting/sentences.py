@@ -103,7 +103,7 @@ def verdict_words(diagnosis):
 def whole_lens_words(diagnosis):
     """Return what fitting a lens's small terms too brings on left-out photographs; nothing where it brings nothing."""
     lens = diagnosis.get("whole_lens")
-    if not lens or lens["left_out_px"] >= lens["left_out_px_of_named"]:
+    if not lens or not lens["too_small_for_a_name"]:
         return ""
     names = listed(plain(name) for name in lens["too_small_for_a_name"])
     off = f"{lens['left_out_px']:.3f} px off, {lens['left_out_px_of_named']:.3f} px without"

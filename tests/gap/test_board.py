@@ -2,6 +2,7 @@
 
 import io
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from case_files import save_points, without_lens
 from effects import library, pipeline
 from effects.base import Scene, View
-from gap import search, select_effects, standing
+from gap import search, select_effects, standing, whole_lens
 from gap.board import board_case, local_noise_px, scales_alone, seen_by_points
 from gap.derivatives import flat
 from gap.select_effects import verdict
@@ -114,6 +115,17 @@ def test_the_whole_lens_holds_what_is_too_small_for_a_name():
     assert outcome.twin.gap > 1.1
     assert whole.loss == pytest.approx(search.fitted(whole.effects, whole.poses).loss / outcome.twin.gap**2, rel=0.25)
     assert whole.loss < 0.9 * search.fitted(whole.effects, whole.poses).loss
+
+
+def test_small_terms_that_are_noise_are_left_away(monkeypatch):
+    """Fails if a lens fitted to few photographs is told, and exported, though left-out ones lie farther off with it."""
+    search, base, _, _ = verdict(problem_of(*photographs()), candidates=COMPETING)
+    wrong = [(n, p | {"k1": 0.3}) for n, p in with_whole_lens(search, base).effects if n == "radial_distortion"]
+    bad = replace(base, effects=(*base.effects, *wrong))
+    monkeypatch.setattr(whole_lens, "with_whole_lens", lambda *_: bad)
+    found = whole_lens_record(search, base)
+    assert found["left_out_px"] > found["left_out_px_of_named"] and found["too_small_for_a_name"] == []
+    assert [e["effect"] for e in found["effects"]] == base.names
 
 
 def test_left_out_points_lie_off_by_their_noise():
