@@ -9,7 +9,7 @@ from cases import case_of_several, generated_case
 
 from effects import library
 from gap import joint_way
-from gap.joint_way import _exchanged, _is_patch, _seen, _told_apart, _with_shown, all_at_once
+from gap.joint_way import _exchanged, _is_patch, _seen, _told_apart, all_at_once, first_proposal
 from gap.linear_model import Proposal
 from gap.outcome import Selection, Step
 from gap.parameters import fitted_parameters
@@ -67,19 +67,29 @@ def test_a_codec_beside_others_is_fitted_from_afar_to_the_floor(tmp_path):
     assert twin.converged and twin.gap < 1.4
 
 
-def test_what_captures_show_goes_in_first_and_stays():
-    """Fails if a codec that closes little by itself waits for others, or its whole numbers are compared beside wrong twins."""
+def test_what_captures_show_and_corners_tell_goes_in_first_and_stays(monkeypatch):
+    """Fails if a codec that closes little by itself waits for others, its whole numbers are compared beside wrong twins, or
+    others are proposed beside corners that are out of place.
+    """
     problem = SimpleNamespace(
         shows=lambda n: {"loss": 45.0} if n == "jpeg_compression" else {}, starts_of=lambda n: [library.nulls_of(n)]
     )
-    proposal = Proposal([("lens_blur", library.nulls_of("lens_blur"))], {"lens_blur": []})
-    first = _with_shown(
-        SimpleNamespace(problem=problem),
-        SimpleNamespace(names=[]),
-        proposal,
-        ["jpeg_compression", "lens_blur", "defocus"],
+    moved, asked = [("focal_length", {"ratio": 1.02})], []
+
+    def proposed(_, twin, names):
+        asked.append((twin.names, twin.poses, names))
+        return Proposal([("lens_blur", library.nulls_of("lens_blur"))], {"lens_blur": []})
+
+    monkeypatch.setattr(
+        joint_way, "told_by_corners", lambda *_: (moved, "moved poses", {"focal_length": ["marker_scale"]})
     )
-    assert first.names == ["jpeg_compression", "lens_blur"]
+    monkeypatch.setattr(joint_way, "proposed", proposed)
+    monkeypatch.setattr(joint_way, "_seen", lambda _, twin: twin)
+    names = ["jpeg_compression", "lens_blur", "defocus"]
+    first, poses = first_proposal(SimpleNamespace(problem=problem), base_twin(), names)
+    assert first.names == ["jpeg_compression", "focal_length", "lens_blur"] and poses == "moved poses"
+    assert first.rivals == {"jpeg_compression": [], "focal_length": ["marker_scale"], "lens_blur": []}
+    assert asked == [(["focal_length"], "moved poses", ["lens_blur", "defocus"])]
     search = SimpleNamespace(problem=problem, fixed={("lens_blur", "sigma_px")})
     given = [
         f for f in fitted_parameters([(n, library.nulls_of(n)) for n in first.names]) if Search.is_given(search, f)
@@ -112,6 +122,25 @@ def test_the_name_is_that_of_what_leaves_least(monkeypatch, loss_px, kept, as_go
     end, name, others = _exchanged(search, descent(1000.0, "lens_blur"), "lens_blur", ["defocus"])
     assert (end.state.effects[-1][0], name) == (kept, kept)
     assert [n for n, _ in others] == as_good
+
+
+@pytest.mark.parametrize(("scale", "asked"), [(1.2, ["exposure"]), (1.0001, [])], ids=["acts", "is idle"])
+def test_rivals_of_what_is_idle_are_not_fitted(monkeypatch, scale, asked):
+    """Fails if time is spent on other names of what is worth none, or an effect that acts is not compared with its rivals."""
+    effects, compared = [("exposure", {"scale": scale})], []
+    end = SimpleNamespace(state=SimpleNamespace(effects=effects, poses=None), evidence={"exposure": 1e4})
+    exchanged = lambda _, end, name, rivals: (compared.append(name), (end, name, []))[1]  # noqa: E731
+    monkeypatch.setattr(joint_way, "_descended", lambda *_: end)
+    monkeypatch.setattr(joint_way, "_exchanged", exchanged)
+    discrete = SimpleNamespace(compared_once_more=lambda e, *_: e, with_choices=lambda _, state: state.effects)
+    search = SimpleNamespace(
+        free=lambda effects: [],
+        discrete=discrete,
+        is_fixed=lambda name: False,
+        problem=SimpleNamespace(shows=lambda name: {}),
+    )
+    joint_way._fitted_in(search, base_twin(), Proposal(effects, {"exposure": ["vignetting"]}))
+    assert compared == asked
 
 
 @pytest.mark.parametrize(
