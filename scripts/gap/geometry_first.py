@@ -19,19 +19,19 @@ SCALE, ITERATIONS = 64.0, 16  # robust scale at which the joint fit begins, and 
 
 
 def told_by_corners(search, twin, names):
-    """Return (effects [(name, parameters)] that corners tell of those that a twin lacks, poses (n, 6), {name: rivals}).
+    """Return (effects [(name, parameters)] of a twin with those that corners tell, poses (n, 6), {name: rivals} of these).
 
-    Nothing where corners are a small part of what the twin leaves open.
+    The twin's own where corners are a small part of what it leaves open.
     """
     moving = [n for n in names if library.is_pure_geometry(n) and n not in twin.names]
     if not moving or not has_good_share("corners", twin.excess):
-        return [], twin.poses, {}
+        return list(twin.effects), twin.poses, {}
     effects, poses = _fitted(search, [*twin.effects, *((n, library.nulls_of(n)) for n in moving)])
     cost_without = _cost_without(search, effects, poses)
     kept = _fewest(moving, cost_without)
     rivals = {n: _rivals(n, kept, moving, cost_without) for n in kept}
     effects, poses = _fitted(search, [e for e in effects if e[0] in {*twin.names, *kept}])
-    return [(n, p) for n, p in effects if n in kept], poses, rivals
+    return effects, poses, rivals
 
 
 def _fitted(search, effects):

@@ -72,8 +72,9 @@ def first_proposal(search, twin, names):
     that: beside a codec's steps derivatives are rough.
     """
     shown = [(n, search.problem.starts_of(n)[0]) for n in names if search.problem.shows(n) and n not in twin.names]
-    moving, poses, rivals = told_by_corners(search, twin, names)
-    near = _seen(search, replace(twin, effects=(*twin.effects, *moving), poses=poses)) if moving else twin
+    effects, poses, rivals = told_by_corners(search, twin, names)
+    moving = [e for e in effects if e[0] not in twin.names]
+    near = _seen(search, replace(twin, effects=tuple(effects), poses=poses)) if moving else twin
     further = proposed(search, near, [n for n in names if n not in dict(shown)])
     rivals = dict.fromkeys(dict(shown), []) | rivals | further.rivals
     return Proposal([*shown, *moving, *further.effects], rivals), poses
