@@ -13,17 +13,18 @@ from effects import library
 from gap.search import MAX_PARAMETERS, Search
 
 MAX_FITS = 3  # of a lens that does not come to rest in one
+WIDER = 2.0  # times what is left of points: least squares, as a calibration's, for all but corners that are wrong
 
 
 def with_whole_lens(search, twin):
     """Return the Twin of a BoardCase with all effects of the lens beside those that it has, fitted to the same photographs.
 
-    Points scatter by the twin's gap more than they are noisy, and weigh by that: else the robust loss would take for outliers
-    what the board's shape adds.
+    Points scatter by the twin's gap more than they are noisy: else the robust loss would take for outliers what the board's
+    shape adds.
     """
     lens = [n for n in search.candidates if library.is_of_lens(n) and n not in twin.names]
     lens = [(n, library.nulls_of(n)) for n in lens if len(library.parameters_of(n)) <= MAX_PARAMETERS]
-    scattered = _scattered(search.problem, max(twin.gap, 1.0))
+    scattered = _scattered(search.problem, WIDER * max(twin.gap, 1.0))
     wide = Search(scattered, search.candidates, search.fixed, (search.train, search.test), search.threads)
     whole = wide.fitted([*twin.effects, *lens], twin.poses)
     for _ in range(MAX_FITS - 1):
