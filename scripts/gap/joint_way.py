@@ -68,16 +68,12 @@ def all_at_once(selection, base, twin, names, before, taken=()):
 
 
 def first_proposal(search, twin, names):
-    """Return (Proposal, poses near it) of what captures show by themselves, what corners tell, and what is proposed beside
-    that: beside a codec's steps derivatives are rough.
-    """
-    shown = [(n, search.problem.starts_of(n)[0]) for n in names if search.problem.shows(n) and n not in twin.names]
+    """Return (Proposal, poses near it) of what corners tell, and of what is proposed beside that."""
     effects, poses, rivals = told_by_corners(search, twin, names)
     moving = [e for e in effects if e[0] not in twin.names]
     near = _seen(search, replace(twin, effects=tuple(effects), poses=poses)) if moving else twin
-    further = proposed(search, near, [n for n in names if n not in dict(shown)])
-    rivals = dict.fromkeys(dict(shown), []) | rivals | further.rivals
-    return Proposal([*shown, *moving, *further.effects], rivals), poses
+    further = proposed(search, near, names)
+    return Proposal([*moving, *further.effects], rivals | further.rivals), poses
 
 
 def _told_by(selection, few):

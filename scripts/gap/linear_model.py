@@ -83,14 +83,17 @@ class LinearModel:
 def proposed(search, twin, names, least_share=MIN_SHARE_PROPOSED):
     """Return the Proposal of those of ``names`` that explain most together of what a twin leaves open.
 
-    Forward selection in the derivatives of a few captures about the twin, its own parameters and poses going along. What adds
-    less than a share of all that could be gained is not proposed.
+    Forward selection in the derivatives of a few captures about the twin, its own parameters and poses going along. What
+    captures show by themselves comes first, whatever it adds; what else adds less than a share of all that could be gained is
+    not proposed.
     """
     ways, model = linear_model(search, twin, [n for n in names if n not in twin.names])
     captures = len(search.train) / len(probes(search.train))
     possible = model.gain([k for way in ways for k in way.columns]) - model.gain(())
     least = max(MIN_GAIN / captures, least_share * possible)
-    taken, left = [], ways
+    shown = [n for n in names if search.problem.shows(n) and n not in twin.names]
+    taken = [next(way for way in ways if way.effect == n) for n in shown]
+    left = [way for way in ways if way.effect not in shown]
     while left and len(taken) < MAX_TOGETHER:
         columns = [k for way in taken for k in way.columns]
         so_far = model.gain(columns)
@@ -103,7 +106,8 @@ def proposed(search, twin, names, least_share=MIN_SHARE_PROPOSED):
         left = [way for way in left if way.effect != taken[-1].effect]
     steps = model.steps([k for way in taken for k in way.columns])
     guesses = [(way.effect, _first_guess(search, twin, way, steps)) for way in taken]
-    return Proposal(guesses, {way.effect: _rivals(model, way, taken, left) for way in taken})
+    rivals = {way.effect: _rivals(model, way, taken, left) for way in taken if way.effect not in shown}
+    return Proposal(guesses, dict.fromkeys(shown, []) | rivals)
 
 
 def _simpler(ways, gains, best):

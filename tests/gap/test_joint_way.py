@@ -10,10 +10,11 @@ from cases import case_of_several, generated_case
 from effects import library
 from gap import joint_way
 from gap.joint_way import _exchanged, _is_patch, _seen, _told_apart, all_at_once, first_proposal
-from gap.linear_model import Proposal
+from gap.linear_model import Proposal, proposed
 from gap.outcome import Selection, Step
 from gap.parameters import fitted_parameters
 from gap.search import Search
+from gap.select_effects import is_flexible
 from gap.twin import Twin
 
 SIX = ["exposure", "focal_length", "lens_blur", "principal_point", "radial_distortion", "sensor_noise"]
@@ -59,41 +60,54 @@ def test_few_effects_are_looked_for_one_by_one(tmp_path):
     assert found_together(case, ["lens_blur", "exposure", "vignetting", "focal_length"]) is None
 
 
-def test_a_codec_beside_others_is_fitted_from_afar_to_the_floor(tmp_path):
+OF_A_CODEC = ["colour_balance", "jpeg_compression", "lens_blur", "tone_curve"]
+
+
+@pytest.fixture(scope="module")
+def coded(tmp_path_factory):
+    """A camera with a coarse codec and others."""
+    return case_of_several(tmp_path_factory.mktemp("coded"), OF_A_CODEC, size="small")
+
+
+def test_a_codec_beside_others_is_fitted_from_afar_to_the_floor(coded):
     """Fails if a fit sticks on a codec's steps, or how flat it left the ground counts to a tenth of a level: gap 3.7."""
-    names = ["colour_balance", "jpeg_compression", "lens_blur", "tone_curve"]
-    case = case_of_several(tmp_path, names, size="small")
-    twin = Search(case).fitted([(n, case.starts_of(n)[0]) for n in names])
+    twin = Search(coded).fitted([(n, coded.starts_of(n)[0]) for n in OF_A_CODEC])
     assert twin.converged and twin.gap < 1.4
 
 
-def test_what_captures_show_and_corners_tell_goes_in_first_and_stays(monkeypatch):
-    """Fails if a codec that closes little by itself waits for others, its whole numbers are compared beside wrong twins, or
-    others are proposed beside corners that are out of place.
-    """
-    problem = SimpleNamespace(
-        shows=lambda n: {"loss": 45.0} if n == "jpeg_compression" else {}, starts_of=lambda n: [library.nulls_of(n)]
-    )
+def test_a_codec_that_captures_show_is_proposed_first_and_what_mimics_it_is_not(coded):
+    """Fails if a codec waits for others, has rivals though captures show it, or noise and mosaics are proposed for its steps."""
+    search = Search(coded)
+    first = proposed(search, search.fitted([]), [n for n in search.candidates if not is_flexible(n)])
+    assert first.names[0] == "jpeg_compression" and first.rivals["jpeg_compression"] == []
+    assert not {"bayer_demosaic", "fixed_pattern_noise", "sensor_noise", "denoising"} & set(first.names)
+    assert {"colour_balance", "tone_curve"} <= set(first.names)
+
+
+def test_what_corners_tell_goes_in_first(monkeypatch):
+    """Fails if others are proposed beside corners that are out of place, or rounds start from poses that are."""
     moved, asked = [("focal_length", {"ratio": 1.02})], []
 
     def proposed(_, twin, names):
         asked.append((twin.names, twin.poses, names))
         return Proposal([("lens_blur", library.nulls_of("lens_blur"))], {"lens_blur": []})
 
-    monkeypatch.setattr(
-        joint_way, "told_by_corners", lambda *_: (moved, "moved poses", {"focal_length": ["marker_scale"]})
-    )
+    told = moved, "moved poses", {"focal_length": ["marker_scale"]}
+    monkeypatch.setattr(joint_way, "told_by_corners", lambda *_: told)
     monkeypatch.setattr(joint_way, "proposed", proposed)
     monkeypatch.setattr(joint_way, "_seen", lambda _, twin: twin)
-    names = ["jpeg_compression", "lens_blur", "defocus"]
-    first, poses = first_proposal(SimpleNamespace(problem=problem), base_twin(), names)
-    assert first.names == ["jpeg_compression", "focal_length", "lens_blur"] and poses == "moved poses"
-    assert first.rivals == {"jpeg_compression": [], "focal_length": ["marker_scale"], "lens_blur": []}
+    first, poses = first_proposal(None, base_twin(), ["lens_blur", "defocus"])
+    assert first.names == ["focal_length", "lens_blur"] and poses == "moved poses"
+    assert first.rivals == {"focal_length": ["marker_scale"], "lens_blur": []}
     assert asked == [(["focal_length"], "moved poses", ["lens_blur", "defocus"])]
+
+
+def test_what_captures_show_stays_as_they_show_it():
+    """Fails if whole numbers that captures show are compared beside wrong twins, or fitted."""
+    problem = SimpleNamespace(shows=lambda n: {"loss": 45.0} if n == "jpeg_compression" else {})
+    names = ["jpeg_compression", "lens_blur"]
     search = SimpleNamespace(problem=problem, fixed={("lens_blur", "sigma_px")})
-    given = [
-        f for f in fitted_parameters([(n, library.nulls_of(n)) for n in first.names]) if Search.is_given(search, f)
-    ]
+    given = [f for f in fitted_parameters([(n, library.nulls_of(n)) for n in names]) if Search.is_given(search, f)]
     assert given == [("jpeg_compression", "loss"), ("lens_blur", "sigma_px")]
 
 
