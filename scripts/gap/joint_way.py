@@ -42,11 +42,22 @@ def all_at_once(selection, base, twin, names, before, taken=()):
     What is proposed is fitted jointly, round by round, and what is then not needed is taken out, of what led from ``base`` to
     the twin, the Steps ``taken``, as well. ``before`` is the first excess.
     """
-    search = selection.search
-    if search.problem.is_board or is_at_floor(twin):
+    problem = selection.search.problem
+    if problem.is_board or is_at_floor(twin):
         return None
+    outcome = _together(selection, base, twin, names, before, taken, first_proposal)
+    shown = any(problem.shows(n) for n in names if n not in twin.names)
+    if not shown or selection.is_spent() or (outcome and outcome.verdict == "explained"):
+        return outcome
+    other = _together(selection, base, twin, names, before, taken, proposal_without_codec)
+    return other if other and other.verdict == "explained" else outcome
+
+
+def _together(selection, base, twin, names, before, taken, propose):
+    """Return the Outcome of ``all_at_once`` from a first proposal by the function ``propose``."""
+    search = selection.search
     few, found = _with_fewer_plates(search), twin
-    first, poses = first_proposal(few, twin, names)
+    first, poses = propose(few, twin, names)
     if len(first.effects) >= MANY:
         ahead = Selection(few, selection.budget - search.cost, {}, _told_by(selection, few))
         here = replace(_seen(few, twin), poses=poses)
@@ -74,6 +85,15 @@ def first_proposal(search, twin, names):
     near = _seen(search, replace(twin, effects=tuple(effects), poses=poses)) if moving else twin
     further = proposed(search, near, names)
     return Proposal([*moving, *further.effects], rivals | further.rivals), poses
+
+
+def proposal_without_codec(search, twin, names):
+    """Return ``first_proposal`` of all but what captures show by themselves, and that before it: in a linear model a codec
+    takes what a mosaic or a pattern does.
+    """
+    shown = [(n, search.problem.starts_of(n)[0]) for n in names if search.problem.shows(n) and n not in twin.names]
+    others, poses = first_proposal(search, twin, [n for n in names if n not in dict(shown)])
+    return Proposal([*shown, *others.effects], dict.fromkeys(dict(shown), []) | others.rivals), poses
 
 
 def _told_by(selection, few):

@@ -102,6 +102,44 @@ def test_what_corners_tell_goes_in_first(monkeypatch):
     assert asked == [(["focal_length"], "moved poses", ["lens_blur", "defocus"])]
 
 
+def test_what_a_codec_hides_is_proposed_as_if_there_were_none(monkeypatch):
+    """Fails if a codec keeps others from being proposed, or is not fitted with them."""
+    asked = []
+    monkeypatch.setattr(
+        joint_way,
+        "first_proposal",
+        lambda _, twin, names: (asked.append(names), (Proposal([("exposure", {})], {"exposure": []}), 0))[1],
+    )
+    problem = SimpleNamespace(shows=lambda n: n == "jpeg_compression", starts_of=lambda n: [{"loss": 45.0}])
+    search = SimpleNamespace(problem=problem)
+    first, _ = joint_way.proposal_without_codec(search, base_twin(), ["exposure", "jpeg_compression"])
+    assert asked == [["exposure"]] and first.effects == [("jpeg_compression", {"loss": 45.0}), ("exposure", {})]
+
+
+@pytest.mark.parametrize(
+    ("shows", "verdicts", "ways"),
+    [
+        (True, ["explained", "explained"], 1),
+        (True, ["unexplained", "explained"], 2),
+        (True, ["unexplained", "unexplained"], 2),
+        (False, ["unexplained", "explained"], 1),
+    ],
+)
+def test_the_other_proposal_is_tried_where_a_codec_is_shown_and_the_first_explains_nothing(
+    monkeypatch, shows, verdicts, ways
+):
+    """Fails if mimics of a codec compete where it explains the camera, or mosaic and codec together stay unexplained."""
+    found = [SimpleNamespace(verdict=v) for v in verdicts]
+    left = list(found)
+    monkeypatch.setattr(joint_way, "_together", lambda *_: left.pop(0))
+    monkeypatch.setattr(joint_way, "is_at_floor", lambda _: False)
+    problem = SimpleNamespace(is_board=False, shows=lambda n: shows)
+    selection = SimpleNamespace(search=SimpleNamespace(problem=problem), is_spent=lambda: False)
+    outcome = all_at_once(selection, None, base_twin(), ["jpeg_compression"], {})
+    assert len(found) - len(left) == ways
+    assert outcome is found[1 if ways == 2 and verdicts[1] == "explained" else 0]
+
+
 def test_what_captures_show_stays_as_they_show_it():
     """Fails if whole numbers that captures show are compared beside wrong twins, or fitted."""
     problem = SimpleNamespace(shows=lambda n: {"loss": 45.0} if n == "jpeg_compression" else {})
