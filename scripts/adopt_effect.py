@@ -97,13 +97,11 @@ def finding(diagnosis, effect):
     where = f"{diagnosis.get('campaign')}/{diagnosis.get('camera')}"
     for step in diagnosis["steps"]:
         if step["effect"] == effect:
-            values = {k: (v["value"], v.get("se")) for k, v in step["parameters"].items()}
             gaps = f"held-out gap {step['gap_before']:.2f} -> {step['gap_after']:.2f} floors"
-            return values, f"verdict on {where}, {gaps}"
+            return _values_of(step), f"verdict on {where}, {gaps}"
     for part in diagnosis.get("whole_lens", {}).get("effects", []):
         if part["effect"] == effect:
-            values = {k: (v["value"], v.get("se")) for k, v in part["parameters"].items()}
-            return values, f"fitted with the whole lens by the diagnosis of {where}"
+            return _values_of(part), f"fitted with the whole lens by the diagnosis of {where}"
     for candidate in diagnosis["candidates"]:
         if candidate["effect"] == effect and candidate.get("parameters"):
             values = {k: (v, None) for k, v in candidate["parameters"].items()}
@@ -113,6 +111,11 @@ def finding(diagnosis, effect):
             values = {k: (v, None) for k, v in configured["parameters"].items()}
             return values, f"refitted by the diagnosis of {where}"
     raise InputError(f"{where}: the diagnosis did not fit {effect!r}; see diagnose.candidates in the configuration")
+
+
+def _values_of(found):
+    """Return {parameter: (value, standard error or None)} of an effect as a diagnosis has it."""
+    return {k: (v["value"], v.get("se")) for k, v in found["parameters"].items()}
 
 
 def rounded(value, se, parameter):

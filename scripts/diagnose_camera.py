@@ -53,11 +53,10 @@ def step_records(steps, base, floors):
     records, before = [], base.groups
     for step in steps:
         last = steps[-1].twin  # its parameters hold for all steps: they were refitted together
-        parameters = dict(last.effects)[step.effect]
         records.append(
             {
                 "effect": step.effect,
-                "parameters": {k: {"value": v, "se": last.errors.get((step.effect, k))} for k, v in parameters.items()},
+                "parameters": last.told(step.effect),
                 "gap_before": overall_gap(before, floors),
                 "gap_after": overall_gap(step.twin.groups, floors),
                 "gap_after_se": gap_error(step.twin.groups, floors),

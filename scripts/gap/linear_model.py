@@ -87,11 +87,12 @@ def proposed(search, twin, names, least_share=MIN_SHARE_PROPOSED):
     captures show by themselves comes first, whatever it adds; what else adds less than a share of all that could be gained is
     not proposed.
     """
-    ways, model = linear_model(search, twin, [n for n in names if n not in twin.names])
+    names = [n for n in names if n not in twin.names]
+    ways, model = linear_model(search, twin, names)
     captures = len(search.train) / len(probes(search.train))
     possible = model.gain([k for way in ways for k in way.columns]) - model.gain(())
     least = max(MIN_GAIN / captures, least_share * possible)
-    shown = [n for n in names if search.problem.shows(n) and n not in twin.names]
+    shown = [n for n in names if search.problem.shows(n)]
     taken = [next(way for way in ways if way.effect == n) for n in shown]
     left = [way for way in ways if way.effect not in shown]
     while left and len(taken) < MAX_TOGETHER:

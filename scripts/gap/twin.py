@@ -33,6 +33,10 @@ class Twin:
         """The names of its effects."""
         return [name for name, _ in self.effects]
 
+    def told(self, name):
+        """Return {parameter: {"value", "se"}} of an effect, the standard error None of what was not fitted."""
+        return {k: {"value": v, "se": self.errors.get((name, k))} for k, v in dict(self.effects)[name].items()}
+
     @cached_property
     def losses(self):
         """{held-out capture: loss}."""

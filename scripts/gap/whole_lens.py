@@ -67,12 +67,8 @@ def whole_lens_record(search, twin):
     whole = with_whole_lens(search, twin)
     off_px, off_px_of_named = (left_out_px(search, t) for t in (whole, twin))
     best = whole if off_px < off_px_of_named else twin
-    effects = [
-        {"effect": n, "parameters": {k: {"value": v, "se": best.errors.get((n, k))} for k, v in p.items()}}
-        for n, p in best.effects
-    ]
     return {
-        "effects": effects,
+        "effects": [{"effect": name, "parameters": best.told(name)} for name in best.names],
         "too_small_for_a_name": [n for n in best.names if n not in twin.names],
         "left_out_px": off_px,
         "left_out_px_of_named": off_px_of_named,
