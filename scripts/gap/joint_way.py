@@ -8,8 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from effects import library
 from gap.geometry_first import told_by_corners
-from gap.linear_model import MIN_SHARE_PROPOSED, Proposal, proposed
+from gap.linear_model import MIN_SHARE_OF_FIRST, MIN_SHARE_PROPOSED, Proposal, proposed
 from gap.outcome import Selection, Step, outcome_of, without_unneeded
 from gap.parameters import get_parameter, spec
 from gap.residuals import GROUPS
@@ -137,8 +138,8 @@ def _found(selection, base, here, names, proposal):
         end, as_good = _fitted_in(search, here, proposal)
         new = [n for n, _ in end.state.effects if n not in here.names]
         idle = [n for n in new if _is_idle(search, end.state.effects, n, end.evidence)]
+        dropped = set(idle)
         if idle:
-            dropped |= set(idle)
             end = _without(search, end, idle)
         there = _standing(search, base, end)
         added = _added(there, here)
@@ -157,20 +158,36 @@ def _found(selection, base, here, names, proposal):
             break
         first = sum(replace(base, floors=here.floors).excess.values())
         mostly_closed = sum(here.excess.values()) < CLOSED * first
-        proposal = proposed(search, here, names, MIN_SHARE if mostly_closed else MIN_SHARE_PROPOSED)
+        proposal = proposed(search, here, names, MIN_SHARE if mostly_closed else MIN_SHARE_PROPOSED, MIN_SHARE_OF_FIRST)
     return (_pruned(search, base, here, at) if at else here), order, alike
 
 
 def _pruned(search, base, twin, end):
     """Return the Twin of a Descent without what it does not need: the weakest first, all others refitted shortly."""
     for name in sorted(_added(twin, base), key=lambda n: (end.evidence.get(n, np.inf), n)):
-        if end.evidence.get(name, np.inf) > CLEAR_EVIDENCE * MIN_GAIN or search.is_fixed(name):
-            break
-        rest = _without(search, end, [name])
+        if search.is_fixed(name) or search.problem.shows(name) or _is_clearly_needed(search, end, name):
+            continue
+        rest = _without(search, end, [name], FIRST_ITERATIONS)
         without = _standing(search, base, rest)
-        if is_as_good(without, twin):
-            return _pruned(search, base, without, rest)
+        if is_as_good(without, twin) or (_is_rough(search, twin) and _leaves_as_little(without, twin)):
+            twin, end = without, rest
     return twin
+
+
+def _is_clearly_needed(search, end, name):
+    """Return whether the second order alone says that an effect of a Descent is needed: a codec's steps make much of an image."""
+    is_clear = end.evidence.get(name, np.inf) > CLEAR_EVIDENCE * MIN_GAIN
+    return is_clear and (library.is_pure_geometry(name) or not _is_rough(search, end.state))
+
+
+def _is_rough(search, twin):
+    """Return whether a twin has what the captures show by themselves, a codec, whose steps move losses by more than chance."""
+    return any(search.problem.shows(name) for name, _ in twin.effects)
+
+
+def _leaves_as_little(twin, other):
+    """Return whether a twin leaves no more above the floors of another than that does."""
+    return sum(replace(twin, floors=other.floors).excess.values()) < sum(other.excess.values()) + MIN_GAIN
 
 
 def _added(twin, base):
@@ -234,8 +251,9 @@ def _fitted_in(search, twin, proposal):
 
     Whole values and rivals are compared beside all the others.
     """
-    new = search.free(proposal.effects)
-    end = _descended(search, [*twin.effects, *proposal.effects], twin.poses, SCALE_FROM_START, FIRST_ITERATIONS, new)
+    new, rough = search.free(proposal.effects), [n for n in proposal.names if search.problem.shows(n)]
+    effects = [*twin.effects, *proposal.effects]
+    end = _descended(search, effects, twin.poses, SCALE_FROM_START, FIRST_ITERATIONS, new, rough)
     effects = list(search.discrete.compared_once_more(end.state.effects, None, end.state.poses))
     for name in proposal.names:
         effects = search.discrete.with_choices(name, State(effects, end.state.poses))
@@ -250,14 +268,17 @@ def _fitted_in(search, twin, proposal):
     return end, alike
 
 
-def _descended(search, effects, poses, scale, iterations=FURTHER_ITERATIONS, moving=None):
-    """Return the Descent, in a few captures, of all that is free of some effects, or of the parameters ``moving``."""
-    return search.descended(effects, poses, scale, probes(search.train), iterations, moving)
+def _descended(search, effects, poses, scale, iterations=FURTHER_ITERATIONS, moving=None, rough=()):
+    """Return the Descent, in a few captures, of all that is free of some effects, or of the parameters ``moving``; everything
+    without the effects named ``rough`` first.
+    """
+    return search.descended(effects, poses, scale, probes(search.train), iterations, moving, rough)
 
 
-def _without(search, end, names):
+def _without(search, end, names, iterations=FURTHER_ITERATIONS):
     """Return the Descent without some effects."""
-    return _descended(search, [e for e in end.state.effects if e[0] not in names], end.state.poses, SCALE_FROM_NEAR)
+    rest = [e for e in end.state.effects if e[0] not in names]
+    return _descended(search, rest, end.state.poses, SCALE_FROM_NEAR, iterations)
 
 
 def _exchanged(search, end, name, rivals):

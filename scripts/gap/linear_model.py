@@ -16,6 +16,9 @@ from gap.split import probes
 
 MAX_TOGETHER = 9  # effects that are proposed at once
 MIN_SHARE_PROPOSED = 0.03  # of all that could be gained to first order, that is proposed at first
+MIN_SHARE_OF_FIRST = (
+    0.5  # of what the first one adds, that another adds in a later round: beside it others may be nothing
+)
 RIVAL_SHARE = 0.7  # of what the chosen one adds, from which another effect of its kind may be the better name
 MAX_COLUMNS = 6  # of a way that stands for itself: a curve of more knots stands for much else
 MIN_WAY, MAX_WAY = 0.1, 1.5  # of the way to a start, that a first guess goes at least and at most
@@ -80,12 +83,12 @@ class LinearModel:
         return {}, 0.0
 
 
-def proposed(search, twin, names, least_share=MIN_SHARE_PROPOSED):
+def proposed(search, twin, names, least_share=MIN_SHARE_PROPOSED, share_of_first=0.0):
     """Return the Proposal of those of ``names`` that explain most together of what a twin leaves open.
 
     Forward selection in the derivatives of a few captures about the twin, its own parameters and poses going along. What
-    captures show by themselves comes first, whatever it adds; what else adds less than a share of all that could be gained is
-    not proposed.
+    captures show by themselves comes first, whatever it adds; what else adds less than a share of all that could be gained, or
+    of what the first one adds, is not proposed.
     """
     names = [n for n in names if n not in twin.names]
     ways, model = linear_model(search, twin, names)
@@ -102,6 +105,7 @@ def proposed(search, twin, names, least_share=MIN_SHARE_PROPOSED):
         best = int(np.argmax(gains))
         if gains[best] < least:
             break
+        least = max(least, share_of_first * gains[best])
         best = _simpler(left, gains, best)
         taken.append(left[best])
         left = [way for way in left if way.effect != taken[-1].effect]

@@ -88,13 +88,14 @@ class Search:
 
         ``scale`` is the robust scale at which a fit of corners begins near ``poses``.
         """
-        end = self.descended(effects, poses, scale, self.train, iterations=20)
+        rough = [n for n, _ in effects if self.problem.shows(n)] if poses is None or scale > SCALE_FROM_NEAR else []
+        end = self.descended(effects, poses, scale, self.train, 20, rough=rough)
         return self.scored(self.solver.with_errors(end), end.free)
 
-    def descended(self, effects, poses, scale, captures, iterations, moving=None):
+    def descended(self, effects, poses, scale, captures, iterations, moving=None, rough=()):
         """Return the gap.solver.Descent, in some of the fitted captures, of all that is free or of parameters ``moving``.
 
-        Geometry is fitted to the corners of all of them first, from ``poses``, from the nominal ones where None.
+        Geometry is fitted to all their corners first, from ``poses`` (nominal where None); then all but effects ``rough``.
         """
         free = self.free(effects)
         if poses is None:
@@ -104,7 +105,7 @@ class Search:
             offsets = self.solver.offsets_of(effects, poses, self.train)
         geometric = [f for f in free if is_geometric(f)]
         effects, poses = self.solver.fit_geometry(effects, geometric, poses, offsets, self.train, scale, iterations=10)
-        if scale > SCALE_FROM_NEAR and (rough := [n for n, _ in effects if self.problem.shows(n)]):
+        if rough:
             effects, poses = self.solver.without_rough(effects, rough, moving or free, poses, captures, iterations)
         return self.solver.descend(effects, moving or free, poses, captures, iterations)
 

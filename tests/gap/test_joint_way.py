@@ -195,6 +195,70 @@ def test_rivals_of_what_is_idle_are_not_fitted(monkeypatch, scale, asked):
     assert compared == asked
 
 
+@pytest.mark.parametrize("has_codec", [True, False])
+def test_a_later_round_is_fitted_beside_the_codec_that_the_twin_has(monkeypatch, has_codec):
+    """Fails if what is new beside a codec is fitted without it first, and so in its place: losses then rise."""
+    codec, new = ("jpeg_compression", {"loss": 45.0}), ("denoising", {"strength_dn": 8.0})
+    twin = replace(base_twin(), effects=(codec,)) if has_codec else base_twin()
+    proposal, rough = Proposal([new] if has_codec else [codec, new], {"denoising": [], "jpeg_compression": []}), []
+
+    def descended(_, effects, poses, scale, iterations=0, moving=None, without=()):
+        rough.append(list(without))
+        return SimpleNamespace(state=SimpleNamespace(effects=effects, poses=poses), evidence={})
+
+    monkeypatch.setattr(joint_way, "_descended", descended)
+    discrete = SimpleNamespace(compared_once_more=lambda e, *_: e, with_choices=lambda _, state: state.effects)
+    problem = SimpleNamespace(shows=lambda n: n == "jpeg_compression")
+    search = SimpleNamespace(free=lambda _: [], discrete=discrete, problem=problem)
+    joint_way._fitted_in(search, twin, proposal)
+    assert rough == [[] if has_codec else ["jpeg_compression"]]
+
+
+@pytest.mark.parametrize(
+    ("names", "asked", "left"),
+    [
+        (["focal_length", "exposure", "tone_curve"], [], ["focal_length", "exposure", "tone_curve"]),
+        (
+            ["jpeg_compression", "focal_length", "exposure", "tone_curve"],
+            ["exposure", "tone_curve"],
+            ["jpeg_compression", "focal_length", "tone_curve"],
+        ),
+    ],
+    ids=["no codec", "codec"],
+)
+def test_beside_a_codec_all_photometry_is_taken_out_to_see(monkeypatch, names, asked, left):
+    """Fails if an exposure beside the curve that holds it keeps its name for a codec's steps, or needless fits are made."""
+    tried = []
+
+    def without(_, end, gone, iterations):
+        tried.extend(gone)
+        return SimpleNamespace(
+            state=SimpleNamespace(effects=[e for e in end.state.effects if e[0] not in gone]), evidence=end.evidence
+        )
+
+    def standing(_, base, end):
+        lost = 1e4 if "tone_curve" not in dict(end.state.effects) else 0.0
+        return StandingTwin(tuple(end.state.effects), lost, {0: 1000.0 * len(end.state.effects)})
+
+    monkeypatch.setattr(joint_way, "_without", without)
+    monkeypatch.setattr(joint_way, "_standing", standing)
+    monkeypatch.setattr(joint_way, "is_as_good", lambda *_: False)
+    monkeypatch.setattr(joint_way, "_leaves_as_little", lambda a, b: a.left <= b.left)
+    effects = tuple((n, {}) for n in names)
+    end = SimpleNamespace(state=SimpleNamespace(effects=effects), evidence=dict.fromkeys(names, 1e5))
+    search = SimpleNamespace(is_fixed=lambda n: False, problem=SimpleNamespace(shows=lambda n: n == "jpeg_compression"))
+    pruned = joint_way._pruned(search, base_twin(), StandingTwin(effects, 0.0, {}), end)
+    assert (tried, pruned.names) == (asked, left)
+
+
+def test_what_is_left_is_compared_in_one_twins_floors():
+    """Fails if a twin whose own noise scatters more seems to leave less."""
+    groups = {0: {"levels": np.full((1, 100), 2.0)}}
+    ample, narrow = (replace(base_twin(), groups=groups, floors={"levels": floor}) for floor in (5.0, 1.0))
+    assert sum(ample.excess.values()) == 0 < sum(narrow.excess.values())
+    assert joint_way._leaves_as_little(narrow, ample) and joint_way._leaves_as_little(ample, narrow)
+
+
 @pytest.mark.parametrize(
     ("left", "patch"),
     [({"levels": 1.0}, False), ({"levels": 900.0, "corners": 1e5}, True), ({"corners": 900.0}, False)],
@@ -235,6 +299,13 @@ def test_rounds_end_at_the_floors_of_the_verdict():
         solver=solver, test=[0], train=[1], floors_at=lambda effects, poses, groups: {"noise": len(groups)}
     )
     assert _seen(search, base_twin()).floors == {"noise": 2}
+
+
+class StandingTwin(SimpleNamespace):
+    """Effects, what they leave above the floor, losses."""
+
+    def __init__(self, effects, left, losses):
+        super().__init__(effects=effects, left=left, losses=losses, names=[n for n, _ in effects])
 
 
 def base_twin():

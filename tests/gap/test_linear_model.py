@@ -1,9 +1,12 @@
 """What effects would explain together, to first order."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from gap.linear_model import MAX_COLUMNS, LinearModel, Way, _rivals, _simpler
+from gap import linear_model
+from gap.linear_model import MAX_COLUMNS, LinearModel, Way, _rivals, _simpler, proposed
 
 H, G = np.array([[4.0, 2.0, 0.0], [2.0, 4.0, 0.0], [0.0, 0.0, 1.0]]), np.array([8.0, 8.0, -3.0])
 
@@ -49,3 +52,18 @@ def test_rivals_are_what_adds_nearly_as_much_in_an_effects_place():
     ways = [Way(n, (), None, (k,)) for k, n in enumerate(["exposure", "vignetting", "veiling_glare", "lens_blur"])]
     model = LinearModel(np.eye(4), np.array([4.0, 3.9, 2.0, 4.0]), np.full(4, -np.inf), np.full(4, np.inf), ())
     assert _rivals(model, ways[0], ways[:1], ways[1:]) == ["vignetting"]
+
+
+@pytest.mark.parametrize(
+    ("share_of_first", "names"), [(0.0, ["sharpening", "denoising", "lens_blur"]), (0.5, ["sharpening", "denoising"])]
+)
+def test_a_later_round_proposes_what_leads(monkeypatch, share_of_first, names):
+    """Fails if what is small beside a leading effect comes along in a later round, or in the first one stays behind."""
+    ways = [Way(n, (), None, (k,)) for k, n in enumerate(["sharpening", "denoising", "lens_blur"])]
+    model = LinearModel(np.eye(3), np.array([40.0, 30.0, 20.0]), np.full(3, -np.inf), np.full(3, np.inf), ())
+    monkeypatch.setattr(linear_model, "linear_model", lambda *_: (ways, model))
+    monkeypatch.setattr(linear_model, "_first_guess", lambda *_: {})
+    monkeypatch.setattr(linear_model, "probes", lambda train: train)
+    search = SimpleNamespace(train=[0], problem=SimpleNamespace(shows=lambda name: {}))
+    twin = SimpleNamespace(names=[])
+    assert proposed(search, twin, [w.effect for w in ways], share_of_first=share_of_first).names == names

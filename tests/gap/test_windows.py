@@ -75,3 +75,12 @@ def test_noise_belongs_to_pixels_wherever_windows_lie(case):
     frame_a, frame_b = (s._numbers().standard_normal((*s.atlas.whole_shape, 1)) for s in (a, moved))
     np.testing.assert_array_equal(frame_a[a.atlas.core(0)], frame_b[moved.atlas.core(0)])
     assert b.prediction.noise is not None
+
+
+def test_what_a_change_draws_is_not_kept(case):
+    """Fails if each derivative by a blur keeps its windows: a long search then fills gigabytes."""
+    shown = Shown(case, case.captures[1], [], np.zeros(6), False)
+    own = list(shown._drawn)
+    for sigma_px in (0.8, 0.9):
+        shown.change([("lens_blur", {"sigma_px": sigma_px, "softness": 1.0})])
+    assert list(shown._drawn) == own

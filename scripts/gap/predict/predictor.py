@@ -170,9 +170,10 @@ class Shown:
         for channel in (0, 1, 2) if pipeline.is_chromatic(effects) else (1,):
             mapping = pipeline.point_map(view, effects, channel)
             key = channel, prints, pipeline.key_of([(n, p) for n, p in effects if library.places_light(n)])
-            if key not in self._drawn:
-                self._drawn[key] = window_coverages(prints, view, self.atlas, mapping, spread), []
-            covers, ground = self._drawn[key]
+            drawn = self._drawn.get(key) or (window_coverages(prints, view, self.atlas, mapping, spread), [])
+            if effects is self.effects:  # what a change draws is seen once
+                self._drawn[key] = drawn
+            covers, ground = drawn
             if not ground and (scene.light or scene.highlight):
                 ground.append(window_ground_points(view, self.atlas, mapping))
             planes.append(shade(scene, view, *covers, ground[0] if ground else None))
