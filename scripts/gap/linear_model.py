@@ -16,9 +16,7 @@ from gap.split import probes
 
 MAX_TOGETHER = 9  # effects that are proposed at once
 MIN_SHARE_PROPOSED = 0.03  # of all that could be gained to first order, that is proposed at first
-MIN_SHARE_OF_FIRST = (
-    0.5  # of what the first one adds, that another adds in a later round: beside it others may be nothing
-)
+MIN_SHARE_OF_FIRST = 0.5  # of what the first one adds, that another adds in a later round
 RIVAL_SHARE = 0.7  # of what the chosen one adds, from which another effect of its kind may be the better name
 MAX_COLUMNS = 6  # of a way that stands for itself: a curve of more knots stands for much else
 MIN_WAY, MAX_WAY = 0.1, 1.5  # of the way to a start, that a first guess goes at least and at most
