@@ -51,9 +51,12 @@ class Search:
         names = candidates or library.available_effects()
         self.candidates = [n for n in names if problem.is_board or not library.is_of_boards(n)]
         self.fixed = frozenset(fixed)
-        self._of_starts = {}
-        self._prepared = None, None, None
-        self.discrete = Discrete(self.solver, self.train, self.is_given)
+        self._of_starts, self._prepared = {}, (None, None, None)
+
+    @property
+    def discrete(self):
+        """The gap.discrete.Discrete of the search; it is not held, so that what a search keeps goes with it."""
+        return Discrete(self.solver, self.train, self.is_given)
 
     @property
     def cost(self):
@@ -84,11 +87,10 @@ class Search:
 
     @kept
     def fitted(self, effects, poses=None, scale=SCALE_FROM_NEAR):
-        """Return the Twin of some effects, all that is free fitted to the training captures from the values given.
-
-        ``scale`` is the robust scale at which a fit of corners begins near ``poses``.
+        """Return the Twin of some effects, all free fitted to the training captures from the values given; corners near ``poses``
+        from a robust ``scale``.
         """
-        rough = [n for n, _ in effects if self.problem.shows(n)] if poses is None or scale > SCALE_FROM_NEAR else []
+        rough = [n for n, _ in effects if (poses is None or scale > SCALE_FROM_NEAR) and self.problem.shows(n)]
         end = self.descended(effects, poses, scale, self.train, 20, rough=rough)
         return self.scored(self.solver.with_errors(end), end.free)
 
@@ -139,9 +141,7 @@ class Search:
 
         A fit does not leap: discrete parameters of the other effects are compared once more beside the new one.
         """
-        twin = candidate.twin
-        if not candidate.complete:
-            twin = self.fitted(twin.effects, twin.poses)
+        twin = candidate.twin if candidate.complete else self.fitted(candidate.twin.effects, candidate.twin.poses)
         compared = self.discrete.compared_once_more(list(twin.effects), candidate.effect, twin.poses)
         if compared == twin.effects:
             return twin

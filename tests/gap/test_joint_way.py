@@ -1,5 +1,7 @@
 """Many effects at once, on campaigns made by an image formation that shares no code with the fit."""
 
+import gc
+import weakref
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -290,6 +292,16 @@ def test_what_did_as_well_is_told_with_a_twin_in_its_place():
     assert told.confused_with == ("defocus",)
     assert [c.twin.names for c in told.candidates] == [["lens_blur", "exposure"], ["defocus", "exposure"]]
     assert _told_apart(step, told, [], twin).confused_with == ("defocus",)
+
+
+def test_a_search_of_fewer_plates_goes_when_it_is_done(coded):
+    """Fails if a search refers to itself: gigabytes of windows then wait for the collector of cycles."""
+    gc.disable()
+    try:
+        gone = weakref.ref(joint_way._with_fewer_plates(Search(coded)))
+        assert gone() is None
+    finally:
+        gc.enable()
 
 
 def test_rounds_end_at_the_floors_of_the_verdict():

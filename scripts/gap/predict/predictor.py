@@ -33,7 +33,7 @@ from gap.predict.windows import make_atlas
 from job import seed_of
 
 KEPT = 4000  # predictions, some 20 kB each
-SCENES_KEPT = 12  # windows with all steps of their image formation, 10 to 200 MB each
+SCENES_KEPT = 7  # windows with all steps of their image formation, 10 to 250 MB each: those of a fit and one more
 FARTHEST_OFF_PX = 400.0  # beyond the frame: what lies farther off is not looked at
 CLEAR_PX = 14  # of ground that is taken for ground, about a plate
 
