@@ -31,8 +31,8 @@ from gap.needs import cannot_tell
 from gap.next_station import suggested_station
 from gap.residuals import flatten
 from gap.score import gap_error, group_gaps, overall_gap
-from gap.search import rank
 from gap.select_effects import verdict
+from gap.twin import rank
 from gap.where import explained_shares, field_gaps, noise_gaps, plate_gaps
 from gap.whole_lens import whole_lens_record
 from imports import imports_of

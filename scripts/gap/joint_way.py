@@ -23,12 +23,11 @@ from gap.search import (
     Search,
     is_as_good,
     is_significant,
-    rank,
 )
 from gap.solver import State
 from gap.split import probes
 from gap.standing import CLOSED, MIN_SHARE, MIN_SHARE_OF_GROUP, is_at_floor, is_enough
-from gap.twin import Candidate
+from gap.twin import Candidate, rank
 
 MANY = 3  # effects that are proposed at once: fewer are looked for one by one
 MAX_ROUNDS = 6

@@ -87,10 +87,12 @@ class Search:
 
     @kept
     def fitted(self, effects, poses=None, scale=SCALE_FROM_NEAR):
-        """Return the Twin of some effects, all free fitted to the training captures from the values given; corners near ``poses``
-        from a robust ``scale``.
+        """Return the Twin of some effects, all that is free fitted to the training captures from the values given.
+
+        ``scale`` is the robust scale at which a fit of corners begins near ``poses``. A fit from afar leaves codecs out first.
         """
-        rough = [n for n, _ in effects if (poses is None or scale > SCALE_FROM_NEAR) and self.problem.shows(n)]
+        from_afar = poses is None or scale > SCALE_FROM_NEAR
+        rough = [n for n, _ in effects if self.problem.shows(n)] if from_afar else []
         end = self.descended(effects, poses, scale, self.train, 20, rough=rough)
         return self.scored(self.solver.with_errors(end), end.free)
 
@@ -380,11 +382,6 @@ def is_significant(effect, values, errors):
 def is_as_good(twin, other):
     """Return whether a twin loses no more than chance to another on the held-out captures."""
     return sum(twin.losses.values()) < sum(other.losses.values()) + MIN_GAIN
-
-
-def rank(candidates):
-    """Return candidates, best held-out loss first, each parameter charged."""
-    return sorted(candidates, key=lambda c: (-(c.gain - 2 * len(c.parameters)), c.effect))
 
 
 def confused_with(problem, best, candidates):

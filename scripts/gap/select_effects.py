@@ -10,7 +10,7 @@ import numpy as np
 from effects import library
 from gap.joint_way import all_at_once
 from gap.outcome import Selection, Step, outcome_of, without_unneeded
-from gap.search import MAX_PARAMETERS, MIN_GAIN, Search, confused_with, errors_to_exceed, is_significant, rank
+from gap.search import MAX_PARAMETERS, MIN_GAIN, Search, confused_with, errors_to_exceed, is_significant
 from gap.standing import (
     CLOSED,
     MAX_FLOOR_GAP,
@@ -21,6 +21,7 @@ from gap.standing import (
     is_enough,
     is_open,
 )
+from gap.twin import rank
 
 MAX_TRIED, MAX_TRIED_AGAIN = 6, 4  # candidates that are fitted at first and in later steps; others stay at their null
 MIN_SHARE_OF_BEST = 0.03  # of the largest predicted gain: less is not fitted in this step

@@ -96,3 +96,8 @@ class Candidate:
     def main_group(self):
         """The group of observables in which it gains most."""
         return max(self.group_gains, key=self.group_gains.get)
+
+
+def rank(candidates):
+    """Return candidates, best held-out loss first, each parameter charged."""
+    return sorted(candidates, key=lambda c: (-(c.gain - 2 * len(c.parameters)), c.effect))

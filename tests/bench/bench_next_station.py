@@ -20,9 +20,10 @@ from tabulate import tabulate
 from tqdm import tqdm
 
 from gap.next_station import HEIGHTS_M, TILTS_DEG, suggested_station
-from gap.search import Search, confused_with, rank
+from gap.search import Search, confused_with
 from gap.select_effects import is_missing
 from gap.standing import MIN_SHARE
+from gap.twin import rank
 from generator import draw_effect, generate_campaign, nominal
 from record import record
 from trials.observe_trial import observe_camera, observed_cases
