@@ -95,6 +95,8 @@ class View:
     encoding     ``srgb`` or ``linear``
     noise_dn     standard deviation of the noise in each channel, grey levels: the declared one, a number. In the processing
                  of an expected image, which has none of it, what its sensor would add as well, then (H, W, C)
+    noise_kernel  in that processing: the kernel (odd, odd), its squares summing to 1, of which that noise is white noise
+                 convolved with it; None where it is white
     windows      None where an array is the frame and its margin; else which pixels of the frame it shows, without margin
     """
 
@@ -109,6 +111,7 @@ class View:
     exposure: float = 1.0
     encoding: str = "srgb"
     noise_dn: float | np.ndarray = 0.0
+    noise_kernel: np.ndarray | None = None
     windows: Windows | None = None
 
 

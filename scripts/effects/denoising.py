@@ -11,12 +11,16 @@ import numpy as np
 from effects.base import Parameter
 from effects.exponential import FLATTER, steep_exponential
 from effects.filters import box, box_taps, gaussian, gaussian_reach_px, gaussian_taps
+from effects.medians import BEYOND_MEAN, mean_of_median
+from effects.noise_kernels import centred
 from kernels import njit
 
 STAGE, ORDER = "processing", 30
 AFFECTS = "intensity"
 DIAMETER_PX = 9  # of the bilateral filter's window: 7 cut off a reach of 1.8 px
 MEDIAN_PX, WIDE_MEDIAN_PX = 3, 5
+PAIRS = 1.5  # variances of the noise, by which two pixels of a bilateral filter differ as its mean tells
+OWN_AND_OTHERS = 1.25  # the same as what is left of the noise tells: to 5 % where that is half the range
 TAPS = 2 * 16 + 1  # more than the widest average has
 PARAMETERS = {
     "strength_dn": Parameter(
@@ -70,42 +74,58 @@ STARTS = (
 )
 
 
-def bilateral(plane, p):
-    """Return a channel averaged over what is near in place and in level."""
+def bilateral(plane, p, noise_dn=0.0):
+    """Return a channel averaged over what is near in place and in level: its mean where it has noise, a number or as the plane.
+
+    Noise widens the range, and brings what it averages nearer: means of exp(-d^2 / 2 s^2) and of d times that, over normal d.
+    """
     if p["strength_dn"] == 0:
         return plane
     reach = DIAMETER_PX // 2
+    padded = cv2.copyMakeBorder(plane, reach, reach, reach, reach, cv2.BORDER_REFLECT_101)
+    squares = np.float32(p["strength_dn"] ** 2) + np.float32(PAIRS) * np.square(noise_dn, dtype=np.float32)
+    share = np.broadcast_to(np.float32(p["strength_dn"] ** 2) / squares, plane.shape)
+    return _averaged(padded, near(p), share, np.float32(1 / (2 * FLATTER * p["strength_dn"] ** 2)))
+
+
+def near(p):
+    """Return the bilateral filter's weights (DIAMETER_PX, DIAMETER_PX) by place."""
+    reach = DIAMETER_PX // 2
     apart = np.arange(-reach, reach + 1) ** 2
     apart = apart[:, None] + apart
-    near = np.where(apart <= reach**2, np.exp(-apart / (2 * p["reach_px"] ** 2)), 0).astype(np.float32)
-    padded = cv2.copyMakeBorder(plane, reach, reach, reach, reach, cv2.BORDER_REFLECT_101)
-    return _averaged(padded, near, np.float32(1 / (2 * FLATTER * p["strength_dn"] ** 2)))
+    return np.where(apart <= reach**2, np.exp(-apart / (2 * p["reach_px"] ** 2)), 0).astype(np.float32)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _averaged(padded, near, steepness):
-    """Return the mean of each pixel's neighbours, weighted by ``near`` and their levels: OpenCV's filter, in half its time."""
+def _averaged(padded, near, share, steepness):
+    """Return the mean of each pixel's neighbours, weighted by ``near`` and their levels: OpenCV's filter, in half its time.
+
+    share (rows, columns) of the range's square in what noise makes of it.
+    """
     size = len(near)
     middle, one = size // 2, np.float32(1)
     rows, columns = padded.shape[0] - size + 1, padded.shape[1] - size + 1
     out = np.empty((rows, columns), np.float32)
-    change, weight = np.empty(columns, np.float32), np.empty(columns, np.float32)
+    change, weight, steep = np.empty(columns, np.float32), np.empty(columns, np.float32), np.empty(columns, np.float32)
     for r in range(rows):
         own = padded[r + middle, middle : middle + columns]
         change[:], weight[:] = 0, 0
+        for c in range(columns):
+            steep[c] = steepness * share[r, c]
         for i in range(size):
             for j in range(size):
-                if near[i, j] == 0:
+                if near[i, j] == 0 or (i == middle and j == middle):
                     continue
                 other = padded[r + i, j : j + columns]
                 for c in range(columns):
                     d = other[c] - own[c]
-                    x = min(d * d * steepness, one)
+                    x = min(d * d * steep[c], one)
                     e = steep_exponential(x) * near[i, j]
                     weight[c] += e
                     change[c] += e * d
         for c in range(columns):
-            out[r, c] = own[c] + change[c] / weight[c]
+            fewer = np.sqrt(share[r, c])
+            out[r, c] = own[c] + share[r, c] * fewer * change[c] / (one + fewer * weight[c])
     return out
 
 
@@ -114,10 +134,10 @@ def reach_px(p):
     return DIAMETER_PX // 2 + gaussian_reach_px(p["average_px"])
 
 
-def median(plane, p):
-    """Return a channel's median, over the narrow window, the wide one or mixed."""
-    narrow = cv2.medianBlur(plane, MEDIAN_PX)
-    return mixed(narrow, p["median_wide"], lambda: cv2.medianBlur(plane, WIDE_MEDIAN_PX))
+def median(plane, p, noise_dn=0.0):
+    """Return a channel's median, over the narrow window, the wide one or mixed: its mean where it has noise."""
+    narrow = mean_of_median(plane, MEDIAN_PX, noise_dn)
+    return mixed(narrow, p["median_wide"], lambda: mean_of_median(plane, WIDE_MEDIAN_PX, noise_dn))
 
 
 def average(plane, p):
@@ -131,27 +151,43 @@ def mixed(image, share, other):
 
 
 def apply(image, view, p, rng):
-    """Filter each channel."""
+    """Filter each channel; the expected image is the mean of those with noise."""
     if p["strength_dn"] == p["median_share"] == p["average_share"] == 0:
         return image
-    planes = []
-    for plane in (np.ascontiguousarray(image[..., c]) for c in range(image.shape[2])):
-        smooth = mixed(bilateral(plane, p), p["median_share"], lambda plane=plane: median(plane, p))
-        planes.append(mixed(smooth, p["average_share"], lambda plane=plane: average(plane, p)))
+    planes, noise = [], view.noise_dn if rng is None else 0.0
+    for c in range(image.shape[2]):
+        plane, its_noise = np.ascontiguousarray(image[..., c]), noise[..., c] if np.ndim(noise) else noise
+        smooth = mixed(
+            bilateral(plane, p, its_noise), p["median_share"], lambda p1=plane, n=its_noise: median(p1, p, n)
+        )
+        planes.append(mixed(smooth, p["average_share"], lambda p1=plane: average(p1, p)))
     return np.stack(planes, axis=-1)
 
 
-def centred(taps):
-    """Return odd taps in the middle of TAPS ones."""
-    return np.pad(taps, (TAPS - len(taps)) // 2)
+def noise_kernel(p, noise_dn):
+    """Return the kernel (odd, odd) that this is to white noise on flat ground.
+
+    A median is an average and some noise of its own; a bilateral filter is the less of an average the more noise there is.
+    """
+    average, median, wide, square = p["average_share"], p["median_share"], p["median_wide"], p["average_square"]
+    edges_kept = (1 - average) * (1 - median) * _bilateral_kernel(p, noise_dn)
+    medians = [
+        ((1 - average) * median * share, side) for side, share in ((MEDIAN_PX, 1 - wide), (WIDE_MEDIAN_PX, wide))
+    ]
+    kernel = edges_kept + sum(share * centred(np.full((side, side), side**-2.0), TAPS) for share, side in medians)
+    for share, taps in ((1 - square, gaussian_taps(float(p["average_px"]))), (square, box_taps(p["average_px"]))):
+        kernel += average * share * centred(np.outer(taps, taps), TAPS)
+    own = sum(share**2 * BEYOND_MEAN[side] for share, side in medians)
+    return kernel * np.sqrt(1 + own / (kernel**2).sum())
 
 
-def noise_gain(p):
-    """Return by what white noise grows in the average: the root of its kernel's summed squares; 1 of what keeps edges."""
-    share, square = p["average_share"], p["average_square"]
-    if share == 0:
-        return 1.0
-    smooth, flat = centred(gaussian_taps(float(p["average_px"]))), centred(box_taps(p["average_px"]))
-    kernel = share * ((1 - square) * np.outer(smooth, smooth) + square * np.outer(flat, flat))
-    kernel[TAPS // 2, TAPS // 2] += 1 - share
-    return float(np.sqrt((kernel**2).sum()))
+def _bilateral_kernel(p, noise_dn):
+    """Return the kernel (TAPS, TAPS) of the bilateral filter to noise on flat ground: its mean slope there, about."""
+    kernel = np.zeros((TAPS, TAPS))
+    if p["strength_dn"]:
+        alike = p["strength_dn"] / np.sqrt(p["strength_dn"] ** 2 + OWN_AND_OTHERS * noise_dn**2)
+        kernel = centred(near(p).astype(float), TAPS)
+        kernel[TAPS // 2, TAPS // 2] = 0
+        kernel *= alike**3 / (1 + alike * kernel.sum())
+    kernel[TAPS // 2, TAPS // 2] = 1 - kernel.sum()
+    return kernel

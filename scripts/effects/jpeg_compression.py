@@ -13,6 +13,7 @@ repeats fall on either side: the expected level lies between (the mean of a dith
 import functools
 import io
 import math
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -20,7 +21,8 @@ import numpy as np
 from effects.base import Parameter
 from effects.encoding import mean_of_clipped
 from effects.filters import frame_of
-from effects.quantisation import BLOCK, COSINES, COSINES_BACK, by_blocks
+from effects.noise_kernels import correlations, followed
+from effects.quantisation import BLOCK, COSINES, COSINES_BACK, LAGS, by_blocks, gains_of
 from kernels import njit
 
 STAGE, ORDER = "processing", 60
@@ -45,11 +47,14 @@ STARTS = tuple({"loss": loss} for loss in (5.0, 25.0, 45.0, 60.0, 70.0, 80.0))
 MIDDLE = np.float32(128)
 # ITU-T T.871: Y, Cb, Cr of red, green, blue
 TO_YCC = np.array([[0.299, 0.587, 0.114], [-0.168736, -0.331264, 0.5], [0.5, -0.418688, -0.081312]], np.float32)
-BRIGHTNESS_NOISE = float(np.linalg.norm(TO_YCC[0]))  # over that of the channels, which are independent
-COLOUR_NOISE = float(np.linalg.norm(TO_YCC[1]))  # of Cb; Cr has 7 % more
+PLANE_NOISE = np.linalg.norm(TO_YCC, axis=1).astype(
+    np.float32
+)  # of Y, Cb, Cr over that of the channels, which are independent
 SAMPLING = {False: cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420, True: cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444}
-ROUNDING_DN = 12**-0.5  # standard deviation of what rounding to whole levels adds
+ROUNDING_DN = np.float32(12**-0.5)  # standard deviation of what rounding to whole levels adds
+ROUNDING_OF_FOURS_DN = np.float32((1 / 12 / 4 + 1 / 12) ** 0.5)  # of four whole levels and their mean
 TO_RGB = np.linalg.inv(TO_YCC).astype(np.float32)
+ROUNDS_UP = np.float32(0.5 + 1e-3)  # a half is one although its sum is not exact
 # Of steps that are read off an image: frequencies, what rounding to whole levels adds, what counts as 0, outliers' share
 LOW_FREQUENCIES = np.array([(u, v) for u in range(BLOCK) for v in range(BLOCK) if 0 < u + v < 5])
 LEVEL_ERROR_DN, NEAR_0_DN, ANYWHERE, LIVELY = 0.35, 1.5, 0.2, 3
@@ -94,54 +99,114 @@ def tables_between(quality):
     return tuple((1 - share) * low + share * high for low, high in zip(tables(below), tables(below + 1), strict=True))
 
 
-def quantised(plane, table, noise):
-    """Return the mean of a plane (rows, columns) float32 about 0 after its blocks' coefficients are rounded to the table.
-
-    ``noise`` (block rows, block columns), white, is its standard deviation in the plane's units.
+class Plane(NamedTuple):
+    """What is quantised: levels (rows, columns) about 0; standard deviations of their noise (block rows, block columns) and of
+    what rounding to whole numbers adds, gains (8, 8) of that noise in coefficients; the table (8, 8).
     """
-    low, high, share = by_blocks(_filled_up(plane), noise, table)
-    return _mixed(low, high, share, plane.shape)
+
+    levels: np.ndarray
+    noise: np.ndarray
+    gains: np.ndarray
+    rounding: np.float32
+    table: np.ndarray
+
+    def quantised(self, middle):
+        """Return ``_whole_steps`` about a level."""
+        blocks = by_blocks(*self._replace(levels=_filled_up(self.levels)))
+        return _whole_steps(*blocks, self.table[0, 0] / np.float32(BLOCK), middle)
 
 
-def mean_decoded(plane, table, noise, colours):
-    """Return the mean levels (rows, columns, 1 or 3) of a decoded image whose brightness about 0 is quantised, under noise.
+def mean_decoded(brightness, colours=(), side=BLOCK):
+    """Return the mean levels (rows, columns, 1 or 3) of a decoded image: each block at either of two steps, then mixed.
 
-    ``noise`` as in ``quantised``; ``colours`` (2 or 0, rows, columns) are its decoded planes of colour. Blocks' means may lie
-    on either of two steps: each is decoded, as a decoder rounds, and then they are mixed.
+    brightness is a Plane, colours are two or none, of half the size where blocks are of ``side`` 16. As a decoder does, planes
+    are rounded to whole numbers, and then what colours add is.
     """
-    low, high, share = by_blocks(_filled_up(plane), noise, table)
-    return _decoded(low, high, share, colours, plane.shape, TO_RGB)
+    y = brightness.quantised(MIDDLE)
+    if not colours:
+        return _grey_decoded(*y[:2], brightness.levels.shape)
+    cb, cr = (_colour_decoded(colour, side) for colour in colours)
+    return _decoded(y, cb, cr, side, brightness.levels.shape)
+
+
+def _colour_decoded(plane, side):
+    """Return ``_whole_steps`` of a plane of colour, interpolated where it was stored in half."""
+    both, share, even = plane.quantised(np.float32(0))
+    if side > BLOCK:
+        both = np.stack([cv2.resize(p, None, fx=2, fy=2, interpolation=cv2.INTER_LINEAR) for p in both])
+    return both, share, even
 
 
 @njit(cache=True, nogil=True)
-def _mixed(low, high, share, shape):
-    out = np.empty(shape, np.float32)
+def _whole_steps(low, share, even, step, middle):
+    """Return (plane (2, rows, columns) about ``middle`` at the lower and the upper step of its blocks, rounded; share; even)."""
+    out = np.empty((2, *low.shape), np.float32)
+    for r in range(low.shape[0]):
+        for c in range(low.shape[1]):
+            for k in range(2):
+                out[k, r, c] = _whole(low[r, c] + k * step + middle, even[r // BLOCK, c // BLOCK])
+    return out, share, even
+
+
+@njit(cache=True, nogil=True)
+def _whole(value, even):
+    """Return a number rounded as the decoder does, halves up, as far as that shows."""
+    return value + even * (np.floor(value + ROUNDS_UP) - value)
+
+
+@njit(cache=True, nogil=True)
+def _clipped(level):
+    return min(max(level, np.float32(0.0)), np.float32(255.0))
+
+
+@njit(cache=True, nogil=True)
+def _mixed(below, above, share):
+    return below + share * (above - below)
+
+
+@njit(cache=True, nogil=True)
+def _grey_decoded(both, share, shape):
+    out = np.empty((*shape, 1), np.float32)
     for r in range(shape[0]):
         for c in range(shape[1]):
-            out[r, c] = low[r, c] + share[r // BLOCK, c // BLOCK] * (high[r, c] - low[r, c])
+            out[r, c, 0] = _mixed(_clipped(both[0, r, c]), _clipped(both[1, r, c]), share[r // BLOCK, c // BLOCK])
     return out
 
 
 @njit(cache=True, nogil=True)
-def _decoded(low, high, share, colours, shape, to_rgb):
-    rows, columns = shape
-    out = np.empty((rows, columns, 3 if len(colours) else 1), np.float32)
-    for r in range(rows):
-        for c in range(columns):
-            upper = share[r // BLOCK, c // BLOCK]
-            for k in range(out.shape[2]):
-                colour = np.float32(0.0)
-                for n in range(len(colours)):
-                    colour += to_rgb[k, n + 1] * colours[n, r, c]
-                below = _whole(low[r, c] + MIDDLE + colour)
-                out[r, c, k] = below + upper * (_whole(high[r, c] + MIDDLE + colour) - below)
+def _decoded(y, cb, cr, side, shape):
+    """Return the mean levels (rows, columns, 3) of ``_whole_steps`` of brightness and two planes of colour.
+
+    What colours add are the means of whole numbers, green's over both planes' steps.
+    """
+    (levels, upper, _), (blue, b_upper, b_even), (red, r_upper, r_even) = y, cb, cr
+    of_red, of_blue, green_of_blue, green_of_red = TO_RGB[0, 2], TO_RGB[2, 1], TO_RGB[1, 1], TO_RGB[1, 2]
+    out = np.empty((*shape, 3), np.float32)
+    for r in range(shape[0]):
+        for c in range(shape[1]):
+            i, j = r // side, c // side
+            share, more_blue, more_red = upper[r // BLOCK, c // BLOCK], b_upper[i, j], r_upper[i, j]
+            even = b_even[i, j] * r_even[i, j]
+            b0, b1, r0, r1 = blue[0, r, c], blue[1, r, c], red[0, r, c], red[1, r, c]
+            low_red = _mixed(
+                _whole(green_of_blue * b0 + green_of_red * r0, even),
+                _whole(green_of_blue * b1 + green_of_red * r0, even),
+                more_blue,
+            )
+            high_red = _mixed(
+                _whole(green_of_blue * b0 + green_of_red * r1, even),
+                _whole(green_of_blue * b1 + green_of_red * r1, even),
+                more_blue,
+            )
+            added = (
+                _mixed(_whole(of_red * r0, r_even[i, j]), _whole(of_red * r1, r_even[i, j]), more_red),
+                _mixed(low_red, high_red, more_red),
+                _mixed(_whole(of_blue * b0, b_even[i, j]), _whole(of_blue * b1, b_even[i, j]), more_blue),
+            )
+            for k in range(3):
+                below, above = _clipped(levels[0, r, c]) + added[k], _clipped(levels[1, r, c]) + added[k]
+                out[r, c, k] = _mixed(_clipped(below), _clipped(above), share)
     return out
-
-
-@njit(cache=True, nogil=True)
-def _whole(value):
-    """Return a level rounded as the decoder does: halves go up."""
-    return min(max(np.floor(value + np.float32(0.5)), np.float32(0.0)), np.float32(255.0))
 
 
 @njit(cache=True, nogil=True)
@@ -202,31 +267,31 @@ def _halved(plane):
     return out
 
 
-def expected(image, quality, full_colour, noise_dn):
+def expected(image, quality, full_colour, noise_dn, kernel=None):
     """Return the mean grey levels (H, W, 1 or 3) float32 that ``compressed`` gives of an image, not rounded, under noise.
 
-    ``noise_dn``, a number or (H, W, 1 or 3), is the standard deviation in each of three channels: brightness has less.
+    ``noise_dn``, a number or (H, W, 1 or 3), is the standard deviation in each of three channels, brightness has less; kernel as
+    ``View.noise_kernel``.
     """
-    brightness, colour = tables_between(quality)
-    noise = _noise_of_blocks(noise_dn, image.shape)
+    of_y, of_colour = tables_between(quality)
+    noise, gains = _noise_of_blocks(noise_dn, image.shape), gains_of(correlations(kernel, LAGS))
     if image.shape[2] == 1:
-        no_colours = np.empty((0, *image.shape[:2]), np.float32)
-        return mean_decoded(image[..., 0] - MIDDLE, brightness, BRIGHTNESS_NOISE * noise, no_colours)
-    y, *chroma = _brightness_and_colours(np.ascontiguousarray(image), TO_YCC)
+        return mean_decoded(Plane(image[..., 0] - MIDDLE, PLANE_NOISE[0] * noise, gains, ROUNDING_DN, of_y))
+    y, *colours = _brightness_and_colours(np.ascontiguousarray(image), TO_YCC)
+    brightness = Plane(y, PLANE_NOISE[0] * noise, gains, ROUNDING_DN, of_y)
     if full_colour:
-        stored = [quantised(p, colour, COLOUR_NOISE * noise) for p in chroma]
-    else:  # the mean of four pixels has half their noise
-        of_fours = COLOUR_NOISE / 2 * _noise_of_blocks(noise_dn, image.shape, 2 * BLOCK)
-        stored = [_stored_in_half(p, colour, of_fours) for p in chroma]
-    return mean_decoded(y, brightness, BRIGHTNESS_NOISE * noise, np.stack(stored))
-
-
-def _stored_in_half(plane, table, noise):
-    """Return a plane of colour whose fours of pixels are one, and which is interpolated back."""
-    even = _filled_up(plane, 2)
-    half = quantised(_halved(even), table, noise)
-    back = cv2.resize(half, even.shape[::-1], interpolation=cv2.INTER_LINEAR)
-    return back[: plane.shape[0], : plane.shape[1]]
+        stored = [
+            Plane(p, n * noise, gains, ROUNDING_DN, of_colour) for p, n in zip(colours, PLANE_NOISE[1:], strict=True)
+        ]
+        return mean_decoded(brightness, stored)
+    less, of_fours = followed(kernel, np.full((2, 2), 0.25))
+    gains = gains_of(correlations(of_fours, 2 * LAGS)[::2, ::2])
+    noise = np.float32(less) * _noise_of_blocks(noise_dn, image.shape, 2 * BLOCK)
+    stored = [
+        Plane(_halved(_filled_up(p, 2)), n * noise, gains, ROUNDING_OF_FOURS_DN, of_colour)
+        for p, n in zip(colours, PLANE_NOISE[1:], strict=True)
+    ]
+    return mean_decoded(brightness, stored, 2 * BLOCK)
 
 
 def apply(image, view, p, rng):
@@ -239,7 +304,7 @@ def apply(image, view, p, rng):
     if rng is None:
         noise_dn = view.noise_dn[frame] if np.ndim(view.noise_dn) else view.noise_dn
         levels = mean_of_clipped(image[frame], noise_dn)
-        out[frame] = expected(levels, 100 - p["loss"], full_colour, np.hypot(noise_dn, ROUNDING_DN))
+        out[frame] = expected(levels, 100 - p["loss"], full_colour, np.hypot(noise_dn, ROUNDING_DN), view.noise_kernel)
         return out
     pixels = np.clip(np.rint(image[frame]), 0, 255).astype(np.uint8)
     out[frame] = sum(np.float32(share) * compressed(pixels, q, full_colour) for q, share in qualities(p["loss"]))
@@ -256,20 +321,31 @@ def starts_from(image):
     pixels = np.ascontiguousarray(image, np.float32)
     in_colour = image.shape[2] == 3
     planes = _brightness_and_colours(pixels, TO_YCC) if in_colour else pixels.transpose(2, 0, 1)
-    coefficients = _lively_coefficients(planes[0])
+    clipped = _clipped_blocks(pixels)
+    coefficients = _lively_coefficients(planes[0], clipped)
     gain, quality = max((_steps_seen(coefficients, tables(q)[0][*LOW_FREQUENCIES.T]), q) for q in QUALITIES_SEEN)
     if gain < CLEAR_STEPS:
         return None
-    return {"loss": 100.0 - quality, "full_colour": float(in_colour and _is_in_full(planes[1:], tables(quality)[1]))}
+    return {
+        "loss": 100.0 - quality,
+        "full_colour": float(in_colour and _is_in_full(planes[1:], tables(quality)[1], clipped)),
+    }
 
 
-def _lively_coefficients(plane):
-    """Return the low cosine coefficients (blocks, k) of those whole blocks of a plane that have several.
+def _clipped_blocks(pixels):
+    """Return which whole blocks (block rows, block columns) of an image have levels that may have been clipped after decoding."""
+    clipped = ((pixels <= 0) | (pixels >= 255)).any(2)
+    rows, columns = (n // BLOCK for n in clipped.shape)
+    return clipped[: rows * BLOCK, : columns * BLOCK].reshape(rows, BLOCK, columns, BLOCK).any((1, 3))
+
+
+def _lively_coefficients(plane, clipped):
+    """Return the low cosine coefficients (blocks, k) of those whole blocks of a plane that have several, and are not ``clipped``.
 
     Levels are rounded after decoding: in a block of one level all are off alike, and that is no noise.
     """
     rows, columns = (n - n % BLOCK for n in plane.shape)
-    blocks = plane[:rows, :columns].reshape(rows // BLOCK, BLOCK, columns // BLOCK, BLOCK).swapaxes(1, 2)
+    blocks = plane[:rows, :columns].reshape(rows // BLOCK, BLOCK, columns // BLOCK, BLOCK).swapaxes(1, 2)[~clipped]
     coefficients = (COSINES @ blocks.reshape(-1, BLOCK, BLOCK) @ COSINES_BACK)[:, *LOW_FREQUENCIES.T]
     return coefficients[(np.abs(coefficients) > NEAR_0_DN).sum(1) >= LIVELY]
 
@@ -285,12 +361,12 @@ def _steps_seen(coefficients, steps):
     return float(ratios.mean()) if len(ratios) >= ENOUGH_COEFFICIENTS else 0.0
 
 
-def _is_in_full(planes, table):
+def _is_in_full(planes, table, clipped):
     """Return whether planes of colour (2, rows, columns) were stored in full: in steps of their table.
 
     Where they are too flat for steps to be seen: with changes within squares of two blocks as large as between them.
     """
-    gain = _steps_seen(np.concatenate([_lively_coefficients(p) for p in planes]), table[*LOW_FREQUENCIES.T])
+    gain = _steps_seen(np.concatenate([_lively_coefficients(p, clipped) for p in planes]), table[*LOW_FREQUENCIES.T])
     if gain:
         return gain > CLEAR_STEPS
     rows, columns = (n - n % (2 * BLOCK) for n in planes.shape[1:])
@@ -299,9 +375,9 @@ def _is_in_full(planes, table):
     return bool(steps[..., ::2].mean() > WITHIN_SQUARES * steps[..., 1::2].mean())
 
 
-def noise_gain(p):
-    """Return by what noise that is still to be clipped grows: a decoder's levels are clipped."""
-    return 0.0 if p["loss"] else 1.0
+def noise_kernel(p, noise_dn):
+    """Return what is left of noise that is still to be clipped, (1, 1): a decoder's levels are clipped."""
+    return np.full((1, 1), 0.0 if p["loss"] else 1.0)
 
 
 def qualities(loss):

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from effects import noise_kernels
 from effects.base import PARTS
 from effects.encoding import encode, encode_with_noise, mean_of_clipped
 from effects.library import acting, effect_named, moves_points, nulls_of, place_of, spreads_light
@@ -259,7 +260,7 @@ class Formed:
     @property
     def outcome(self):
         """Return (grey levels, noise_dn) as ``levels_and_noise``."""
-        image, _, noise_dn = self.states[-1]
+        image, _, noise_dn, _ = self.states[-1]
         return image, noise_dn
 
 
@@ -277,14 +278,15 @@ def form(image, view, chosen, rng, like=None):
         )
     states = list(like.states[:same]) if same else []
     for _, step in steps[same:]:
-        states.append(step(*(states[-1] if states else (np.asarray(image, np.float32), 0.0, view.noise_dn))))
+        states.append(step(*(states[-1] if states else (np.asarray(image, np.float32), 0.0, view.noise_dn, None))))
     return Formed(keys, tuple(states))
 
 
 def _steps(image, view, chosen, rng):
-    """Return [(key, function of (image, variance, noise_dn) that returns these)]: how radiance becomes grey levels.
+    """Return [(key, function of (image, variance, noise_dn, kernel) that returns these)]: how radiance becomes grey levels.
 
-    ``variance``, squared grey levels of full scale 255, is that of linear values, ``noise_dn`` that of encoded ones.
+    ``variance``, squared grey levels of full scale 255, is that of linear values, ``noise_dn`` that of encoded ones, whose
+    noise has a ``kernel`` (effects.noise_kernels).
     """
     found = active(chosen, "apply")
     colour = any(
@@ -305,24 +307,24 @@ def _step_key(module, p):
     return module.__name__, tuple(sorted(p.items()))
 
 
-def _scaled(exposure, image, variance, noise_dn):
-    return (image * exposure if exposure != 1 else image), variance, noise_dn
+def _scaled(exposure, image, *noise):
+    return (image * exposure if exposure != 1 else image), *noise
 
 
-def _applied(module, p, view, rng, image, variance, noise_dn):
-    image = module.apply(image, replace(view, noise_dn=noise_dn), p, numbers_of(rng, module))
-    if rng is None and hasattr(module, "noise_gain"):
-        noise_dn = noise_dn * module.noise_gain(p)
-    return image, variance, noise_dn
+def _applied(module, p, view, rng, image, variance, noise_dn, kernel):
+    image = module.apply(image, replace(view, noise_dn=noise_dn, noise_kernel=kernel), p, numbers_of(rng, module))
+    if rng is None and hasattr(module, "noise_kernel"):
+        noise_dn, kernel = noise_kernels.processed(noise_dn, kernel, functools.partial(module.noise_kernel, p))
+    return image, variance, noise_dn, kernel
 
 
-def _sensed(module, p, view, rng, image, variance, noise_dn):
+def _sensed(module, p, view, rng, image, variance, *noise):
     if rng is None and hasattr(module, "variance"):
         variance = variance + module.variance(image, p)
-    return module.apply(image, view, p, numbers_of(rng, module)), variance, noise_dn
+    return module.apply(image, view, p, numbers_of(rng, module)), variance, *noise
 
 
-def _encoded(view, rng, image, variance, noise_dn):
+def _encoded(view, rng, image, variance, noise_dn, kernel):
     if np.ndim(variance):
         image, noise_dn = encode_with_noise(image, variance, noise_dn, view.encoding)
     else:
@@ -330,7 +332,7 @@ def _encoded(view, rng, image, variance, noise_dn):
     if rng is not None and view.noise_dn > 0:
         declared = numbers_of(rng, None).standard_normal(image.shape, dtype=np.float32)
         image = image + np.float32(view.noise_dn) * declared
-    return image, variance, noise_dn
+    return image, variance, noise_dn, kernel
 
 
 def numbers_of(rng, module):

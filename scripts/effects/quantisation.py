@@ -9,6 +9,8 @@ from kernels import njit
 
 BLOCK = 8
 NO_NOISE = 1e-6
+NOISY = 0.3  # steps, of noise, from which a rounding's error is a sine
+ONE, HALF, FARTHEST = np.float32(1), np.float32(0.5), np.float32(6)
 
 
 def _cosines():
@@ -29,16 +31,30 @@ P0, P1, P2, P3, P4, P5 = (  # of the normal distribution; all but the first over
 )
 
 
-@njit(cache=True, nogil=True)
-def by_blocks(plane, noise, table):
-    """Return (plane with the lower of two steps of its blocks' means, with the upper one, probability of the upper one).
+LAGS = BLOCK - 1
+ALIKE = np.array([np.correlate(c, c, "full") for c in COSINES.astype(float)])  # of coefficients, by pixels apart
 
-    plane (rows, columns) of whole blocks, noise and probability (block rows, block columns). An orthonormal transform leaves
-    white noise as it is: of all other coefficients the mean of the two steps is taken. A row of blocks is transformed at once,
-    what has the same place in its block side by side.
+
+def gains_of(correlations):
+    """Return by what noise is more in each coefficient (8, 8) of a block than in a pixel, or less; of white noise 1.
+
+    correlations (15, 15) from pixel to pixel, by rows and columns apart.
     """
-    low, high = np.empty_like(plane), np.empty_like(plane)
-    share = np.empty(noise.shape, np.float32)
+    return np.sqrt(np.maximum(ALIKE @ correlations @ ALIKE.T, 0)).astype(np.float32)
+
+
+@njit(cache=True, nogil=True)
+def by_blocks(plane, noise, gains, rounding, table):
+    """Return (plane with the lower of two steps of its blocks' means, probability of the upper one, evenness).
+
+    plane (rows, columns) of whole blocks; the others and noise (block rows, block columns). Of all other coefficients the mean of
+    the two steps is taken. ``gains`` (8, 8) are what noise is in each coefficient (``gains_of``), ``rounding`` is the standard
+    deviation of what is added to it by whole numbers. Evenness is the share that is left of a rounding to whole
+    numbers where these coefficients vary: of the error's first harmonic, the product of what each one's two steps leave. A row of
+    blocks is transformed at once, what has the same place in its block side by side.
+    """
+    low = np.empty_like(plane)
+    share, even = np.empty(noise.shape, np.float32), np.empty(noise.shape, np.float32)
     columns, count = plane.shape[1], noise.shape[1]
     strip, turned = np.empty((BLOCK, columns), np.float32), np.empty((BLOCK, columns), np.float32)
     by_block, by_place = strip.reshape(BLOCK, count, BLOCK), turned.reshape(BLOCK, BLOCK, count)
@@ -46,25 +62,25 @@ def by_blocks(plane, noise, table):
     for i in range(noise.shape[0]):
         rows = slice(i * BLOCK, (i + 1) * BLOCK)
         for j in range(count):
-            sd[j] = max(noise[i, j], np.float32(NO_NOISE))
+            even[i, j] = 1
         _product(COSINES, plane[rows], strip)
         by_place[:] = by_block.transpose(2, 0, 1)
         _product(COSINES, turned, coefficients)
         for v in range(BLOCK):
             for u in range(BLOCK):
                 of_frequency = coefficients[v, u * count : (u + 1) * count]
+                for j in range(count):
+                    sd[j] = max(np.sqrt((gains[v, u] * noise[i, j]) ** 2 + rounding * rounding), np.float32(NO_NOISE))
                 if u == 0 and v == 0:
                     _split(of_frequency, table[u, v], sd, share[i])
                 else:
-                    _quantise(of_frequency, table[u, v], sd)
+                    _quantise(of_frequency, table[u, v], sd, even[i])
         _product(COSINES_BACK, coefficients, turned)
         by_block[:] = by_place.transpose(1, 2, 0)
         _product(COSINES_BACK, strip, low[rows])
-    step = table[0, 0] / np.float32(BLOCK)
-    for r in range(plane.shape[0]):
-        for c in range(columns):
-            high[r, c] = low[r, c] + step
-    return low, high, share
+        for j in range(count):
+            even[i, j] = np.sqrt(even[i, j])
+    return low, share, even
 
 
 @njit(cache=True, nogil=True)
@@ -79,32 +95,53 @@ def _product(basis, values, out):
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _upper_share(value, step, sd):
-    """Return the probability that a value with noise is above the middle of two steps: the normal distribution, to 1e-6.
+def _beyond(d):
+    """Return the probability that a standard normal number exceeds d, not negative: to 1e-6.
 
     Source: Abramowitz and Stegun, "Handbook of Mathematical Functions" (1964), 26.2.17.
     """
-    one, half = np.float32(1), np.float32(0.5)
-    steps = value / step
-    d = (steps - np.floor(steps) - half) * step / sd
-    far = min(abs(d), np.float32(6))
-    x = far * far * np.float32(1 / (2 * FLATTER))
-    e = steep_exponential(x)
-    t = one / (one + P0 * far)
-    beyond = e * t * (P1 + t * (P2 + t * (P3 + t * (P4 + t * P5))))
-    return beyond if d < 0 else one - beyond
+    far = min(d, FARTHEST)
+    e = steep_exponential(far * far * np.float32(1 / (2 * FLATTER)))
+    t = ONE / (ONE + P0 * far)
+    return e * t * (P1 + t * (P2 + t * (P3 + t * (P4 + t * P5))))
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _quantise(values, step, sd):
-    """Put the means of values (n,) with noise of ``sd`` (n,) that are rounded to steps in their place."""
+def _rounded(x, sd):
+    """Return (mean of a number with noise of ``sd`` rounded to a whole one, probability of another than the nearest).
+
+    Much noise leaves the first harmonic of a rounding's error, sin(2 pi x) exp(-2 pi^2 sd^2) / pi; little leaves the nearest
+    whole number or one of its neighbours.
+    """
+    nearest = np.floor(x + HALF)
+    f = x - nearest
+    if sd < NOISY:
+        up, down = _beyond((HALF - f) / sd), _beyond((HALF + f) / sd)
+        return nearest + up - down, up + down
+    far = min(sd * sd * np.float32(2 * np.pi**2 / FLATTER), ONE)
+    slope = np.float32(8) * f * (ONE - np.float32(2) * abs(f))  # a parabola of the sine, and then the sine
+    sine = slope * (np.float32(0.775) + np.float32(0.225) * abs(slope))
+    return x - sine * steep_exponential(far) * np.float32(1 / np.pi), HALF
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _quantise(values, step, sd, even):
+    """Put the means of values (n,) with noise of ``sd`` (n,) that are rounded to steps in their place.
+
+    ``even`` (n,), squared, becomes less by what the steps of each leave of a whole number's harmonic, over a block's pixels.
+    """
+    leap = np.float32(2) * (ONE - np.exp(np.float32(-2 * np.pi**2 / BLOCK**2) * step * step))
     for k in range(len(values)):
-        values[k] = (np.floor(values[k] / step) + _upper_share(values[k], step, sd[k])) * step
+        mean, other = _rounded(values[k] / step, sd[k] / step)
+        values[k] = mean * step
+        even[k] *= ONE - leap * other * (ONE - other)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _split(values, step, sd, share):
-    """Put the step below values (n,) in their place, and in ``share`` the probability that noise takes them to the one above."""
+    """Put the step below the mean of values (n,) in their place, and in ``share`` how far it lies towards the one above."""
     for k in range(len(values)):
-        share[k] = _upper_share(values[k], step, sd[k])
-        values[k] = np.floor(values[k] / step) * step
+        mean, _ = _rounded(values[k] / step, sd[k] / step)
+        below = np.floor(mean)
+        share[k] = mean - below
+        values[k] = below * step

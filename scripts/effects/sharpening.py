@@ -35,8 +35,9 @@ def apply(image, view, p, rng):
     return image + np.float32(p["amount"]) * (image - gaussian(image, p["radius_px"]))
 
 
-def noise_gain(p):
-    """Return by what white noise grows: the root of the summed squares of the mask."""
+def noise_kernel(p, noise_dn):
+    """Return the mask (odd, odd): what is added to a pixel and what its blur takes away."""
     taps = gaussian_taps(p["radius_px"])
-    middle, squares = taps.max() ** 2, (taps**2).sum() ** 2
-    return np.sqrt((1 + p["amount"]) ** 2 - 2 * p["amount"] * (1 + p["amount"]) * middle + p["amount"] ** 2 * squares)
+    kernel = -p["amount"] * np.outer(taps, taps)
+    kernel[len(taps) // 2, len(taps) // 2] += 1 + p["amount"]
+    return kernel

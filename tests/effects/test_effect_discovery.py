@@ -71,7 +71,11 @@ def test_a_thirtieth_effect_takes_part(folder, tmp_path):
         ("false_affects", ('"intensity"', '"geometry"'), "AFFECTS is 'geometry', but it has apply"),
         ("misspelt_apply", ("def apply", "def aply"), "aply: the contract has no such name; apply is meant"),
         ("misspelt_map", ("def apply", "def map_point(xy): ...\n\n\ndef apply"), "map_point: .* map_points is meant"),
-        ("misspelt_gain", ("def apply", "def noise_gian(p): ...\n\n\ndef apply"), "noise_gian: .* noise_gain is meant"),
+        (
+            "misspelt_kernel",
+            ("def apply", "def noise_kernal(p): ...\n\n\ndef apply"),
+            "noise_kernal: .* noise_kernel is meant",
+        ),
         ("misspelt_starts", ("STARTS", "STRATS"), "STRATS: .* STARTS is meant"),
         ("misspelt_affects", ("AFFECTS", "AFECTS"), "AFECTS: .* AFFECTS is meant"),
         (

@@ -267,7 +267,7 @@ def test_averages_are_of_the_kind_and_size_that_they_say(square):
     assert (total, vx, vy) == pytest.approx((1, 0.8 * 2 / 3, 0.8 * 2 / 3), rel=2e-3)
     noise = np.random.default_rng(2).normal(128, 5, (*out.shape, 1)).astype(np.float32)
     left = FOUND["denoising"].apply(noise, v, p, None)[FRAME].std() / noise[FRAME].std()
-    assert FOUND["denoising"].noise_gain(p) == pytest.approx(left, rel=0.03)
+    assert np.linalg.norm(FOUND["denoising"].noise_kernel(p, 5.0)) == pytest.approx(left, rel=0.03)
 
 
 @pytest.mark.parametrize("slope", [(0.4, 0.0), (-0.3, 0.4)])

@@ -57,6 +57,14 @@ def test_grey_photographs_have_no_colour_to_tell():
     assert jpeg_compression.starts_from(levels) == {"loss": 40.0, "full_colour": 0.0}
 
 
+def test_an_overexposed_photograph_shows_its_codec():
+    """Fails if blocks count whose levels were clipped after decoding: where all edges are of white, none is seen."""
+    pixels = np.clip(np.rint(1.5 * scene(1.0).astype(float) - 20), 0, 255).astype(np.uint8)
+    levels, _ = photographed(pixels, 40, FULL)
+    assert (levels == 255).any(2).mean() > 0.1
+    assert jpeg_compression.starts_from(levels) == {"loss": 60.0, "full_colour": 1.0}
+
+
 @pytest.mark.parametrize(
     "pixels", [scene(1.0), scene(1.0) // 8 * 8, np.full((64, 64, 3), 128, np.uint8), np.zeros((5, 7, 1), np.uint8)]
 )
