@@ -128,14 +128,16 @@ class Search:
         """Return {group: floor}: what trials of a station differ by, or the twin's own captures from what it expects.
 
         The second is more where noise meets a codec's leaps, or where a pattern repeats that only the real sensor knows;
-        it counts where the twin's noise is like the real one.
+        it counts where the twin's noise is like the real one, as far as its own captures are alike.
         """
-        floors = self.problem.floors_of(groups)
-        if group_gaps(groups, {}).get("noise", np.inf) > MAX_NOISE_GAP:
+        floors, noise = self.problem.floors_of(groups), group_gaps(groups, {}).get("noise")
+        if noise is None:
             return floors
         own = self.solver.each(lambda i: self.solver.own_scatter(i, effects, poses[i]), probes(self.train))
         scatter = group_gaps(own, {})
-        return {name: max(floor, scatter.get(name, 0.0)) for name, floor in floors.items()}
+        if noise > MAX_NOISE_GAP * max(1.0, scatter["noise"]):
+            return floors
+        return floors | {name: max(floors.get(name, 1.0), sd) for name, sd in scatter.items()}
 
     @kept
     def adopt(self, candidate):

@@ -350,8 +350,8 @@ class Solver:
 
         What a pose could explain is taken out, as it is from a real capture.
         """
-        expected = replace(self.predictor.predict(i, effects, pose), noise=None)
-        taken = replace(self.predictor.shown(i, effects, pose).taken("own scatter"), noise=None)
+        expected = self.predictor.predict(i, effects, pose)
+        taken = self.predictor.shown(i, effects, pose).taken("own scatter")
         both = taken.measured & expected.measured
         taken = replace(
             taken,

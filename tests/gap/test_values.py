@@ -12,6 +12,7 @@ from gap.measure.regions import GROUND, NOISE_FEATURES, SKY, WHITE, choose_regio
 from gap.problem import code_corners_world, encoding_table
 from gap.residuals import RHO_NOISE
 from gap.score import MAX_FLOOR, MIN_FLOOR, floors_of
+from gap.search import Search
 from rig.geometry import project
 
 SHAPE = 240, 320
@@ -208,3 +209,20 @@ def test_without_trials_or_with_too_few_values_there_is_no_floor(stations, count
     """Fails if captures of different stations are compared, or a handful of values makes a floor."""
     groups = {k: {"field": np.full(count, float(k))} for k in range(2)}
     assert floors_of(trials([[True], [True]], stations), groups) == {}
+
+
+@pytest.mark.parametrize(("own_noise", "raised"), [(2.0, True), (0.5, False)])
+def test_floors_rise_to_a_twins_own_scatter_where_its_noise_is_like_the_real_one_as_far_as_noise_tells(
+    own_noise, raised
+):
+    """Fails if noise that a codec lets scatter keeps a right twin at the floors of repeats, or if a wrong one's rise."""
+    real = {0: {"corners": np.full(40, 2.0), "noise": np.full(10, 2.5)}}
+    own = {0: {"corners": np.full(40, 2.0), "noise": np.full(10, own_noise)}}
+    search = SimpleNamespace(
+        problem=SimpleNamespace(floors_of=lambda groups: {"corners": MAX_FLOOR}),
+        solver=SimpleNamespace(each=lambda function, indices: own),
+        train=[0],
+    )
+    floors = Search.floors_at(search, (), np.zeros((1, 6)), real)
+    assert (floors["corners"] > MAX_FLOOR) == raised
+    assert ("noise" in floors) == raised

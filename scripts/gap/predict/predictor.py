@@ -209,9 +209,13 @@ class Shown:
         return replace(expected, noise=self._noise(self.noisy, expected.features, expected.measured))
 
     def taken(self, name):
-        """Return the Prediction, without noise, of an image that the twin takes with random numbers of a name."""
-        image, _ = self._form(self.radiance, self.effects, self._numbers(name)).outcome
-        return self._measured_in(np.clip(np.rint(image[: self.atlas.shape[0]]), 0, 255))
+        """Return the Prediction of an image that the twin takes with random numbers of a name."""
+        formed = self._form(self.radiance, self.effects, self._numbers(name))
+        image, _ = formed.outcome
+        taken = self._measured_in(np.clip(np.rint(image[: self.atlas.shape[0]]), 0, 255))
+        expected = self.prediction
+        noise = self._noise(formed, expected.features, expected.measured) if self.with_noise else None
+        return replace(taken, noise=noise)
 
     def _measured_in(self, levels):
         """Return the Prediction, without noise, of grey levels (rows, columns, C) of the windows."""
