@@ -135,7 +135,7 @@ class Search:
             return floors
         own = self.solver.each(lambda i: self.solver.own_scatter(i, effects, poses[i]), probes(self.train))
         scatter = group_gaps(own, {})
-        if noise > MAX_NOISE_GAP * max(1.0, scatter["noise"]):
+        if noise > MAX_NOISE_GAP * max(1.0, scatter.get("noise", 0.0)):
             return floors
         return floors | {name: max(floors.get(name, 1.0), sd) for name, sd in scatter.items()}
 
