@@ -1,7 +1,6 @@
 """How noise is correlated from pixel to pixel: the kernel whose convolution with white noise is like it."""
 
 import numpy as np
-from scipy.signal import convolve2d
 
 REACH = 8  # pixels from the middle, to which kernels are kept: a codec's block sees no farther
 SAME_GAIN = 1e-3
@@ -22,12 +21,18 @@ def centred(kernel, side):
     return out
 
 
+def convolved(first, second):
+    """Return the whole convolution (n + m - 1, n + m - 1) of kernels (n, n) and (m, m)."""
+    size = 2 * (len(first) + len(second) - 1,)
+    return np.fft.irfft2(np.fft.rfft2(first, size) * np.fft.rfft2(second, size), size)
+
+
 def followed(before, kernel):
     """Return (by what noise with a kernel ``before``, None where it is white, grows in another, the kernel of what comes out).
 
     None for that where nothing does.
     """
-    both = kernel if before is None else convolve2d(before, kernel)
+    both = kernel if before is None else convolved(before, kernel)
     gain = float(np.sqrt((both**2).sum()))
     both = centred(both, 2 * REACH + 1)
     return gain, both / np.sqrt((both**2).sum()) if gain else None
@@ -54,4 +59,4 @@ def correlations(kernel, lags):
     if kernel is None:
         kernel = np.ones((1, 1))
     kernel = kernel / np.sqrt((kernel**2).sum())
-    return centred(convolve2d(kernel, kernel[::-1, ::-1]), 2 * lags + 1)
+    return centred(convolved(kernel, kernel[::-1, ::-1]), 2 * lags + 1)

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from effects import noise_kernels
 from effects.base import PARTS
 from effects.encoding import encode, encode_with_noise, mean_of_clipped
 from effects.library import acting, effect_named, moves_points, nulls_of, place_of, spreads_light
+from effects.noise_kernels import processed
 from effects.resampling import fine_map, sample
 from rig.errors import InputError
 
@@ -314,7 +314,7 @@ def _scaled(exposure, image, *noise):
 def _applied(module, p, view, rng, image, variance, noise_dn, kernel):
     image = module.apply(image, replace(view, noise_dn=noise_dn, noise_kernel=kernel), p, numbers_of(rng, module))
     if rng is None and hasattr(module, "noise_kernel"):
-        noise_dn, kernel = noise_kernels.processed(noise_dn, kernel, functools.partial(module.noise_kernel, p))
+        noise_dn, kernel = processed(noise_dn, kernel, functools.partial(module.noise_kernel, p))
     return image, variance, noise_dn, kernel
 
 
