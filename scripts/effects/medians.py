@@ -46,7 +46,7 @@ def _median_of_mixture(padded, noise, sharp, side):
             if s < LEAST_NOISE_DN:
                 out[r, c] = sharp[r, c]
                 continue
-            low = high = total = padded[r, c]
+            low = high = padded[r, c]
             total = zero
             for i in range(side):
                 for j in range(side):

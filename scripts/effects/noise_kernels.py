@@ -3,7 +3,7 @@
 import numpy as np
 
 REACH = 8  # pixels from the middle, to which kernels are kept: a codec's block sees no farther
-SAME_GAIN = 1e-3
+SAME_GAIN = 1e-3  # by which gains differ that are one
 LEVELS = 3  # of noise in an image, between which gains are interpolated
 
 
