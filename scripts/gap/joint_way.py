@@ -142,7 +142,7 @@ def _found(selection, base, here, names, proposal):
             end = _without(search, end, idle)
         there = _standing(search, base, end)
         added = _added(there, here)
-        patches = [n for n in added if _is_patch(search, there, end, n)]
+        patches = _patches(search, there, end, added)
         if not set(added) - set(patches):
             break
         if patches:
@@ -198,6 +198,11 @@ def _closes_enough(before, after, share=MIN_SHARE):
     before = replace(before, floors=after.floors)
     gains = {group: before.excess[group] - left for group, left in after.excess.items()}
     return is_enough(gains, sum(gains.values()), MIN_GAIN, before.excess, share)
+
+
+def _patches(search, twin, end, added):
+    """Return those of the effects ``added`` in a round that are patches: of one alone, what the round closes tells more."""
+    return [n for n in added if _is_patch(search, twin, end, n)] if len(added) > 1 else []
 
 
 def _is_patch(search, twin, end, name):

@@ -11,7 +11,7 @@ from cases import case_of_several, generated_case
 
 from effects import library
 from gap import joint_way
-from gap.joint_way import _exchanged, _is_patch, _seen, _told_apart, all_at_once, first_proposal
+from gap.joint_way import _exchanged, _is_patch, _patches, _seen, _told_apart, all_at_once, first_proposal
 from gap.linear_model import Proposal, proposed
 from gap.outcome import Selection, Step
 from gap.parameters import fitted_parameters
@@ -282,6 +282,13 @@ def test_a_patch_brings_little_of_what_stays_open(left, patch):
     )
     search = SimpleNamespace(test=[1], problem=SimpleNamespace(shows=lambda name: {}))
     assert _is_patch(search, twin, end, "exposure") == patch
+
+
+@pytest.mark.parametrize(("added", "patches"), [(["exposure"], []), (["exposure", "defocus"], ["exposure", "defocus"])])
+def test_what_came_alone_is_no_patch_before_the_round_is_asked_what_it_closes(monkeypatch, added, patches):
+    """Fails if second order keeps out the one effect of a round that halves the gap, as it did a focal length."""
+    monkeypatch.setattr(joint_way, "_is_patch", lambda *_: True)
+    assert _patches(None, None, None, added) == patches
 
 
 def test_what_did_as_well_is_told_with_a_twin_in_its_place():
