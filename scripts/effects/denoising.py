@@ -19,8 +19,9 @@ STAGE, ORDER = "processing", 30
 AFFECTS = "intensity"
 DIAMETER_PX = 9  # of the bilateral filter's window: 7 cut off a reach of 1.8 px
 MEDIAN_PX, WIDE_MEDIAN_PX = 3, 5
-PAIRS = 1.5  # variances of the noise, by which two pixels of a bilateral filter differ as its mean tells
-OWN_AND_OTHERS = 1.25  # the same as what is left of the noise tells: to 5 % where that is half the range
+# Variances of noise that widen the square of a bilateral filter's range: for its mean, and for the noise that it leaves; between
+# 1, that of the neighbours, and 2, that of their differences from a pixel that has its own
+MEAN_WIDENS, NOISE_WIDENS = 1.5, 1.25
 TAPS = 2 * 16 + 1  # more than the widest average has
 PARAMETERS = {
     "strength_dn": Parameter(
@@ -83,7 +84,7 @@ def bilateral(plane, p, noise_dn=0.0):
         return plane
     reach = DIAMETER_PX // 2
     padded = cv2.copyMakeBorder(plane, reach, reach, reach, reach, cv2.BORDER_REFLECT_101)
-    squares = np.float32(p["strength_dn"] ** 2) + np.float32(PAIRS) * np.square(noise_dn, dtype=np.float32)
+    squares = np.float32(p["strength_dn"] ** 2) + np.float32(MEAN_WIDENS) * np.square(noise_dn, dtype=np.float32)
     share = np.broadcast_to(np.float32(p["strength_dn"] ** 2) / squares, plane.shape)
     return _averaged(padded, near(p), share, np.float32(1 / (2 * FLATTER * p["strength_dn"] ** 2)))
 
@@ -185,7 +186,7 @@ def _bilateral_kernel(p, noise_dn):
     """Return the kernel (TAPS, TAPS) of the bilateral filter to noise on flat ground: its mean slope there, about."""
     kernel = np.zeros((TAPS, TAPS))
     if p["strength_dn"]:
-        alike = p["strength_dn"] / np.sqrt(p["strength_dn"] ** 2 + OWN_AND_OTHERS * noise_dn**2)
+        alike = p["strength_dn"] / np.sqrt(p["strength_dn"] ** 2 + NOISE_WIDENS * noise_dn**2)
         kernel = centred(near(p).astype(float), TAPS)
         kernel[TAPS // 2, TAPS // 2] = 0
         kernel *= alike**3 / (1 + alike * kernel.sum())

@@ -47,9 +47,8 @@ STARTS = tuple({"loss": loss} for loss in (5.0, 25.0, 45.0, 60.0, 70.0, 80.0))
 MIDDLE = np.float32(128)
 # ITU-T T.871: Y, Cb, Cr of red, green, blue
 TO_YCC = np.array([[0.299, 0.587, 0.114], [-0.168736, -0.331264, 0.5], [0.5, -0.418688, -0.081312]], np.float32)
-PLANE_NOISE = np.linalg.norm(TO_YCC, axis=1).astype(
-    np.float32
-)  # of Y, Cb, Cr over that of the channels, which are independent
+# Noise of Y, Cb, Cr over that of the channels, which are independent
+PLANE_NOISE = np.linalg.norm(TO_YCC, axis=1).astype(np.float32)
 SAMPLING = {False: cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420, True: cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444}
 ROUNDING_DN = np.float32(12**-0.5)  # standard deviation of what rounding to whole levels adds
 ROUNDING_OF_FOURS_DN = np.float32((1 / 12 / 4 + 1 / 12) ** 0.5)  # of four whole levels and their mean

@@ -15,18 +15,15 @@ D2, D3, D4 = np.float32(2) * A2, np.float32(3) * A3, np.float32(4) * A4
 BEYOND_MEAN = {3: 0.1659 - 1 / 9, 5: 0.0618 - 1 / 25}
 
 
-def median(plane, side):
-    """Return the median (rows, columns) over squares of ``side`` pixels, 3 or 5."""
-    return cv2.medianBlur(plane, side)
-
-
 def mean_of_median(plane, side, noise_dn):
-    """Return the mean of the median over squares of pixels of a plane (rows, columns) with Gaussian noise, a number or as it.
+    """Return the mean of the median over squares of ``side`` pixels, 3 or 5, of a plane (rows, columns) with Gaussian noise.
+
+    ``noise_dn`` is its standard deviation, a number or as the plane.
 
     It is the median of the mixture of the pixels' distributions, which is as near as 0.13 of the noise where a step crosses the
     square, and nearer elsewhere.
     """
-    sharp = median(plane, side)
+    sharp = cv2.medianBlur(plane, side)
     noise = np.broadcast_to(np.float32(noise_dn), plane.shape)
     if noise.max() < LEAST_NOISE_DN:
         return sharp
