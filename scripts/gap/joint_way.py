@@ -9,14 +9,22 @@ from dataclasses import replace
 import numpy as np
 
 from effects import library
+from gap.exchange import FURTHER_ITERATIONS, exchanged, short_fit
 from gap.geometry_first import told_by_corners
-from gap.linear_model import MIN_SHARE_OF_FIRST, MIN_SHARE_PROPOSED, Proposal, proposed
+from gap.linear_model import (
+    MIN_SHARE_OF_FIRST,
+    MIN_SHARE_PROPOSED,
+    Proposal,
+    exchanges,
+    linear_model,
+    proposed,
+    selected,
+)
 from gap.outcome import Selection, Step, outcome_of, without_unneeded
 from gap.parameters import get_parameter, spec
 from gap.residuals import GROUPS
 from gap.search import (
     CLEAR_EVIDENCE,
-    MAX_STARTS,
     MIN_GAIN,
     SCALE_FROM_NEAR,
     SCALE_FROM_START,
@@ -25,15 +33,15 @@ from gap.search import (
     is_significant,
 )
 from gap.solver import State
-from gap.split import probes
 from gap.standing import CLOSED, MIN_SHARE, MIN_SHARE_OF_GROUP, is_at_floor, is_enough
 from gap.twin import Candidate, rank
 
 MANY = 3  # effects that are proposed at once: fewer are looked for one by one
 MAX_ROUNDS = 6
+MAX_AGAIN = 4  # effects that are proposed together where few of them closed too little
 MIN_PLATES = 12  # of a capture, of which rounds leave out half
 MAX_SHARE_ASKED = 0.5  # of what is left, that a round need not exceed; an effect that brings less is taken out to see
-FIRST_ITERATIONS, FURTHER_ITERATIONS = 9, 3  # of a round's fit, and after a change to it
+FIRST_ITERATIONS = 9  # of a round's fit
 
 
 def all_at_once(selection, base, twin, names, before, taken=()):
@@ -127,38 +135,75 @@ def _found(selection, base, here, names, proposal):
     """Return (Twin of all that several rounds found, the order in which names were proposed, {name: effects [(name, p)] that
     do as well in its place}).
     """
-    search, order, dropped, alike, at = selection.search, [], set(), {}, None
+    search, order, dropped, alike = selection.search, [], set(), {}
+    at, model, wider = None, None, False
     for _ in range(MAX_ROUNDS):
         if not proposal.effects or dropped.issuperset(proposal.names) or selection.is_spent():
             break
         order += [n for n in proposal.names if n not in order]
         if selection.progress:
             selection.progress(", ".join(proposal.names), search.cost / selection.budget)
-        end, as_good = _fitted_in(search, here, proposal)
-        new = [n for n, _ in end.state.effects if n not in here.names]
-        idle = [n for n in new if _is_idle(search, end.state.effects, n, end.evidence)]
-        dropped = set(idle)
-        if idle:
-            end = _without(search, end, idle)
-        there = _standing(search, base, end)
-        added = _added(there, here)
-        patches = _patches(search, there, end, added)
-        if not set(added) - set(patches):
-            break
-        if patches:
-            dropped |= set(patches)
-            end = _without(search, end, patches)
-            there = _standing(search, base, end)
-        asked = [n for n in _added(there, here) if not search.problem.shows(n)]
-        if not _closes_enough(here, there, min(MIN_SHARE * len(asked), MAX_SHARE_ASKED)):
-            break
+        there, end, as_good = _round(search, base, here, proposal)
+        if there is None:
+            if model is None or wider:
+                break
+            # what is missing cancels, as noise and what smooths it: alone neither is worth a round
+            wider, asked, proposal = True, set(proposal.names), selected(search, here, *model, most=MAX_AGAIN)
+            if asked.issuperset(proposal.names):
+                break
+            continue
+        dropped, wider = set(proposal.names) - set(there.names), False
         here, at, alike = there, end, alike | as_good
+        model = linear_model(search, here, [n for n in names if n not in here.names])
         if is_at_floor(here):
             break
         first = sum(replace(base, floors=here.floors).excess.values())
-        mostly_closed = sum(here.excess.values()) < CLOSED * first
-        proposal = proposed(search, here, names, MIN_SHARE if mostly_closed else MIN_SHARE_PROPOSED, MIN_SHARE_OF_FIRST)
-    return (_pruned(search, base, here, at) if at else here), order, alike
+        least = MIN_SHARE if sum(here.excess.values()) < CLOSED * first else MIN_SHARE_PROPOSED
+        proposal = selected(search, here, *model, least, MIN_SHARE_OF_FIRST)
+    if at is None:
+        return here, order, alike
+    here, at, as_good = _with_exchanges(search, base, here, at, exchanges(search, here, *model))
+    return _pruned(search, base, here, at), order, alike | as_good
+
+
+def _with_exchanges(search, base, twin, end, rivals):
+    """Return (Twin, its Descent, {name: effects that do as well in its place}) in which effects gave way to ``rivals`` of theirs,
+    {name: others}, where these do better: beside all others another may be the right one.
+    """
+    alike = {}
+    for name, others in rivals.items():
+        others = [n for n in others if n not in dict(end.state.effects)]
+        if name in base.names or not others:
+            continue
+        other_end, kept, as_good = exchanged(search, end, name, others, FIRST_ITERATIONS)
+        other = _standing(search, base, other_end)
+        if kept == name or sum(other.losses.values()) < sum(twin.losses.values()):
+            twin, end, alike = other, other_end, alike | {kept: as_good}
+    return twin, end, alike
+
+
+def _round(search, base, here, proposal):
+    """Return (Twin with what stays of a Proposal, its Descent, {name: effects that do as well in its place}) of a round.
+
+    All None where too little stays, or closes too little.
+    """
+    end, as_good = _fitted_in(search, here, proposal)
+    idle = [n for n, _ in end.state.effects if n not in here.names]
+    idle = [n for n in idle if _is_idle(search, end.state.effects, n, end.evidence)]
+    if idle:
+        end = _without(search, end, idle)
+    there = _standing(search, base, end)
+    added = _added(there, here)
+    patches = _patches(search, there, end, added)
+    if not set(added) - set(patches):
+        return None, None, None
+    if patches:
+        end = _without(search, end, patches)
+        there = _standing(search, base, end)
+    asked = [n for n in _added(there, here) if not search.problem.shows(n)]
+    if not _closes_enough(here, there, min(MIN_SHARE * len(asked), MAX_SHARE_ASKED)):
+        return None, None, None
+    return there, end, as_good
 
 
 def _pruned(search, base, twin, end):
@@ -257,55 +302,25 @@ def _fitted_in(search, twin, proposal):
     """
     new, rough = search.free(proposal.effects), [n for n in proposal.names if search.problem.shows(n)]
     effects = [*twin.effects, *proposal.effects]
-    end = _descended(search, effects, twin.poses, SCALE_FROM_START, FIRST_ITERATIONS, new, rough)
+    end = short_fit(search, effects, twin.poses, SCALE_FROM_START, FIRST_ITERATIONS, new, rough)
     effects = list(search.discrete.compared_once_more(end.state.effects, None, end.state.poses))
     for name in proposal.names:
         effects = search.discrete.with_choices(name, State(effects, end.state.poses))
     if effects != list(end.state.effects) or search.free(twin.effects):
-        end = _descended(search, effects, end.state.poses, SCALE_FROM_START)
+        end = short_fit(search, effects, end.state.poses, SCALE_FROM_START)
     alike = {}
     for name in proposal.names:
         rivals = [n for n in proposal.rivals[name] if n not in dict(end.state.effects)]
         if rivals and not _is_idle(search, end.state.effects, name, end.evidence):
-            end, kept, as_good = _exchanged(search, end, name, rivals)
+            end, kept, as_good = exchanged(search, end, name, rivals)
             alike[kept] = as_good
     return end, alike
-
-
-def _descended(search, effects, poses, scale, iterations=FURTHER_ITERATIONS, moving=None, rough=()):
-    """Return the Descent, in a few captures, of all that is free of some effects, or of the parameters ``moving``; everything
-    without the effects named ``rough`` first.
-    """
-    return search.descended(effects, poses, scale, probes(search.train), iterations, moving, rough)
 
 
 def _without(search, end, names, iterations=FURTHER_ITERATIONS):
     """Return the Descent without some effects."""
     rest = [e for e in end.state.effects if e[0] not in names]
-    return _descended(search, rest, end.state.poses, SCALE_FROM_NEAR, iterations)
-
-
-def _exchanged(search, end, name, rivals):
-    """Return (Descent in which an effect or one of its rivals has its place, whichever leaves least, its name, the others
-    [(name, p)] that leave as little): all fitted as long.
-    """
-    effects, poses = end.state.effects, end.state.poses
-    others = [e for e in effects if e[0] != name]
-    ends = {}
-    for rival in rivals:
-        starts = search.problem.starts_of(rival)[:MAX_STARTS]
-        trials = [_descended(search, [*others, (rival, start)], poses, SCALE_FROM_NEAR) for start in starts]
-        ends[rival] = min(trials, key=_loss)
-    if min(map(_loss, ends.values())) < end.loss + MIN_GAIN:
-        end = min(end, _descended(search, effects, poses, SCALE_FROM_NEAR), key=_loss)
-    ends[name] = end
-    kept = min(sorted(ends), key=lambda n: ends[n].loss)
-    near = [n for n in sorted(ends) if n != kept and ends[n].loss < ends[kept].loss + MIN_GAIN]
-    return ends[kept], kept, [(n, dict(ends[n].state.effects)[n]) for n in near]
-
-
-def _loss(end):
-    return end.loss
+    return short_fit(search, rest, end.state.poses, SCALE_FROM_NEAR, iterations)
 
 
 def _told_apart(step, known, alike, twin):
@@ -329,13 +344,17 @@ def _steps_to(search, base, twin, order):
     """Return the Steps from a base to a Twin, in the order in which effects were proposed, with the Twin's own values."""
     steps, before = [], base
     names = sorted(_added(twin, base), key=[*order, *twin.names].index)
-    for k, name in enumerate(names):
-        effects = [e for e in twin.effects if e[0] in {*base.names, *names[: k + 1]}]
-        after = twin if k == len(names) - 1 else _valued(search, effects, twin)
+    for name, after in zip(names, twins_on_the_way(search, base, twin, names), strict=True):
         gains = {group: before.excess.get(group, 0.0) - left for group, left in after.excess.items()}
         steps.append(Step(name, after, (), (), max(gains, key=gains.get)))
         before = after
     return steps
+
+
+def twins_on_the_way(search, base, twin, names):
+    """Return the Twins from a base to a Twin, effects ``names`` of its own added one after the other with their values there."""
+    sets = [{*base.names, *names[: k + 1]} for k in range(len(names) - 1)]
+    return [*(_valued(search, [e for e in twin.effects if e[0] in s], twin) for s in sets), *([twin] if names else [])]
 
 
 def _valued(search, effects, twin):

@@ -3,6 +3,7 @@
 Beside other large effects the robust loss hides what each one is worth: one by one they come slowly, or not at all.
 """
 
+from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,6 +20,8 @@ MIN_SHARE_PROPOSED = 0.03  # of all that could be gained to first order, that is
 MIN_SHARE_OF_FIRST = 0.5  # of what the first one adds, that another adds in a later round
 RIVAL_SHARE = 0.7  # of what the chosen one adds, from which another effect of its kind may be the better name
 MAX_COLUMNS = 6  # of a way that stands for itself: a curve of more knots stands for much else
+EXCHANGE_SHARE = 0.5  # of what taking an effect out costs, from which another is fitted in its place once more
+MAX_EXCHANGED = 2  # others that are fitted in an effect's place
 MIN_WAY, MAX_WAY = 0.1, 1.5  # of the way to a start, that a first guess goes at least and at most
 
 
@@ -67,6 +70,13 @@ class LinearModel:
         """Return {column: step of its parameter}."""
         return {k: d / self.scale[k] for k, d in self._solved(columns)[0].items()}
 
+    def without(self, columns, steps):
+        """Return (the LinearModel where some of the twin's own columns have gone by steps (k,) and stay, the loss that costs)."""
+        d = np.asarray(steps) * self.scale[columns]
+        rest = copy(self)
+        rest.g, rest.own = self.g - self.H[:, columns] @ d, [k for k in self.own if k not in columns]
+        return rest, self.gain(()) + d @ self.H[np.ix_(columns, columns)] @ d - 2 * self.g[columns] @ d - rest.gain(())
+
     def _solved(self, columns):
         """Return ({column: scaled step}, gain): what would leave its bounds at once is left out, the largest step first."""
         left = [*columns, *self.own]
@@ -81,22 +91,25 @@ class LinearModel:
         return {}, 0.0
 
 
-def proposed(search, twin, names, least_share=MIN_SHARE_PROPOSED, share_of_first=0.0):
-    """Return the Proposal of those of ``names`` that explain most together of what a twin leaves open.
+def proposed(search, twin, names):
+    """Return the Proposal of those of ``names`` that explain most together of what a twin leaves open."""
+    return selected(search, twin, *linear_model(search, twin, [n for n in names if n not in twin.names]))
 
-    Forward selection in the derivatives of a few captures about the twin, its own parameters and poses going along. What
+
+def selected(search, twin, ways, model, least_share=MIN_SHARE_PROPOSED, share_of_first=0.0, most=MAX_TOGETHER):
+    """Return the Proposal of those Ways of a LinearModel about a twin that explain most together, at most so many.
+
+    Forward selection in the derivatives of a few captures, the twin's own parameters and poses going along. What
     captures show by themselves comes first, whatever it adds; what else adds less than a share of all that could be gained, or
     of what the first one adds, is not proposed.
     """
-    names = [n for n in names if n not in twin.names]
-    ways, model = linear_model(search, twin, names)
     captures = len(search.train) / len(probes(search.train))
     possible = model.gain([k for way in ways for k in way.columns]) - model.gain(())
     least = max(MIN_GAIN / captures, least_share * possible)
-    shown = [n for n in names if search.problem.shows(n)]
+    shown = [n for n in dict.fromkeys(way.effect for way in ways) if search.problem.shows(n)]
     taken = [next(way for way in ways if way.effect == n) for n in shown]
     left = [way for way in ways if way.effect not in shown]
-    while left and len(taken) < MAX_TOGETHER:
+    while left and len(taken) < most:
         columns = [k for way in taken for k in way.columns]
         so_far = model.gain(columns)
         gains = [model.gain([*columns, *w.columns]) - so_far - 2 * len(w.columns) / captures for w in left]
@@ -129,6 +142,29 @@ def _rivals(model, way, taken, left):
     enough = RIVAL_SHARE * (model.gain([*others, *way.columns]) - without)
     alike = [w for w in left if library.affects(w.effect) == library.affects(way.effect)]
     return sorted({w.effect for w in alike if model.gain([*others, *w.columns]) - without > enough})
+
+
+def exchanges(search, twin, ways, model):
+    """Return {effect of a twin: other names, most promising first} that may stand in its place, to second order.
+
+    Of what taking it out costs, its parameters back at their nulls and all others refitted, one that affects the same brings
+    ``EXCHANGE_SHARE``. Ways and the LinearModel are about the twin. What only moves points corners have told apart.
+    """
+    free, first, found = search.free(twin.effects), min(model.own, default=0), {}
+    for name, values in twin.effects:
+        mine = [k for k, (effect, _) in enumerate(free) if effect == name]
+        if not mine or library.is_pure_geometry(name) or search.is_fixed(name) or search.problem.shows(name):
+            continue
+        back = [spec(free[k]).null - values[free[k][1]] for k in mine]
+        rest, cost = model.without([first + k for k in mine], back)
+        brings, at = {}, rest.gain(())
+        for way in ways:
+            if library.affects(way.effect) == library.affects(name):
+                brings[way.effect] = max(brings.get(way.effect, 0.0), rest.gain(way.columns) - at)
+        rivals = sorted((n for n in brings if brings[n] > EXCHANGE_SHARE * cost), key=lambda n: (-brings[n], n))
+        if rivals:
+            found[name] = rivals[:MAX_EXCHANGED]
+    return found
 
 
 def linear_model(search, twin, names):

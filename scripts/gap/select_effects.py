@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from effects import library
-from gap.joint_way import all_at_once
+from gap.joint_way import all_at_once, twins_on_the_way
 from gap.outcome import Selection, Step, outcome_of, without_unneeded
 from gap.search import MAX_PARAMETERS, MIN_GAIN, Search, confused_with, errors_to_exceed, is_significant
 from gap.standing import (
@@ -201,8 +201,11 @@ def _with_simpler(selection, base, first, best, before):
         if sum(twin.losses.values()) < sum(best.twin.losses.values()):
             at = best.steps.index(step)
             instead = [replace(step, effect=n, confused_with=()) for n in simpler]  # those were the curve's
-            steps = (*best.steps[:at], *instead, *best.steps[at + 1 :])
-            best = _retraced(search, base, replace(best, steps=steps, twin=twin), (), before)
+            steps = [*best.steps[:at], *instead, *best.steps[at + 1 :]]
+            there = twins_on_the_way(search, base, twin, [s.effect for s in steps])
+            steps = [replace(s, twin=t) for s, t in zip(steps, there, strict=True)]
+            left = [*(c for c in best.left if c.effect not in simpler), search.null_candidate(twin, step.effect)]
+            best = outcome_of(search.problem, steps, rank(left), twin, before)
     return best
 
 

@@ -35,7 +35,7 @@ from gap.predict.windows import FRAME_COLUMNS, FRAME_ROWS, make_atlas
 EDGES = ("spread_x", "spread_y", "spread_xy", "overshoot", "ink")
 NOISE = ("noise_white", "noise_black", "noise_across", "noise_coarse", "noise_colour")
 SIGNS = (
-    *EDGES, "overshoot_outwards", *NOISE, "blocks", "flat_blocks",
+    *EDGES, "overshoot_outwards", "fine_x", "fine_y", "fine_turn", *NOISE, "blocks", "flat_blocks",
     "light", "black", "light_outwards", "red", "blue", "red_outwards", "blue_outwards",
 )  # fmt: skip
 OF_LIGHT = ("light", "black", "light_outwards", "red", "blue")  # what another lamp would change as well
@@ -48,6 +48,9 @@ FINE_COEFFICIENT = 4  # sum of the orders from which a block's coefficients are 
 NEARLY_0_DN = 1.0
 LEAST = 1e-4  # of linear light
 MIN_PIXELS = 100  # of white or black, that tell their noise
+NEAR, FAR = 1, 4  # pixels, whose differences are compared to tell how sharp edges are, whatever their profile
+LEAST_EDGES = 0.1  # of what levels differ by, that is not noise
+TURNS = ((1, 1), (-1, 1))  # steps (x, y) along the two diagonals
 
 
 @dataclass(frozen=True)
@@ -191,7 +194,7 @@ class Photograph:
         if found:
             features, colours = (np.array(v) for v in zip(*found, strict=True))
             signs |= self._of_edges(features) | self._of_light(features, colours)
-        signs |= self._of_noise(grey, levels) | self._of_blocks(grey)
+        signs |= self._of_sharpness(grey) | self._of_noise(grey, levels) | self._of_blocks(grey)
         return np.array([signs[name] for name in SIGNS])
 
     def _measured(self, grey, levels, k, i):
@@ -209,6 +212,18 @@ class Photograph:
             colour = colour_of(levels[window], colour_responses_of(grey[window].shape, corners, self.codes, i))
         features[:8] += offset
         return features, colour
+
+    @property
+    def pose(self):
+        """What of the board's pose signs follow (3,): the logarithm of a patch's side in pixels, and how that grows to the right
+        and down over half the frame's diagonal, the board's tilt.
+        """
+        corners = self.features[:, :8].reshape(-1, 4, 2)
+        sides = np.log(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).mean(1))
+        places = self._places(self.features)
+        places -= places.mean(0)
+        slopes = np.linalg.solve(places.T @ places + SPARE * len(places) * np.eye(2), places.T @ (sides - sides.mean()))
+        return np.array([sides.mean(), *slopes])
 
     def _places(self, features):
         """Return the places (p, 2) of patches from the frame's middle, in halves of its diagonal."""
@@ -240,6 +255,23 @@ class Photograph:
         for name, part in (("red_outwards", colours[:, 3:5]), ("blue_outwards", colours[:, 8:10])):
             out[name] = (part * places).sum() / ((places**2).sum() + SPARE * len(places))
         return out
+
+    def _of_sharpness(self, grey):
+        cores = [grey[self.atlas.core(k)].astype(float) for k in range(len(self.plates))]
+        noise = self._noise_in(grey, np.concatenate([c.ravel() for c in cores] or [np.zeros(1)]))
+        x, y, down, up = (_fineness(cores, step, noise) for step in ((1, 0), (0, 1), *TURNS))
+        return {"fine_x": x, "fine_y": y, "fine_turn": down - up}
+
+    def _noise_in(self, grey, levels):
+        """Return what neighbours among ``levels`` (n,) differ by for noise, squared: it goes from black's to white's by level."""
+        flats = _structure(grey.astype(np.float64), self._classes)[0][[BLACK_PIXELS, WHITE_PIXELS], :4]
+        black, white = flats[:, ::2].sum(1) / np.maximum(flats[:, 1::2].sum(1), 1)
+        low, high = (
+            np.mean(grey[self._classes == k]) if (self._classes == k).any() else 0.0
+            for k in (BLACK_PIXELS, WHITE_PIXELS)
+        )
+        share = np.mean(np.clip((levels - low) / (high - low), 0, 1)) if high > low else 0.5
+        return black + share * (white - black)
 
     def _of_noise(self, grey, levels):
         sums = _structure(grey.astype(np.float64), self._classes)[0]
@@ -286,6 +318,29 @@ def slope(values, by):
     """Return how values (p,) grow with others (p,), less where these hardly differ."""
     by = by - by.mean()
     return (values - values.mean()) @ by / (by @ by + SPARE * len(by))
+
+
+def _fineness(cores, step, noise):
+    """Return the logarithm of what levels (rows, columns), a list of them, differ by over ``NEAR`` steps (x, y) against ``FAR``
+    ones, NaN where all are too small; ``noise`` is what flats differ by, squared.
+
+    It is the less the wider edges are: from 1 / ``FAR`` of sharp ones to its square.
+    """
+    squares = np.zeros((2, 2))
+    for levels in cores:
+        for k, times in enumerate((NEAR, FAR)):
+            x, y = abs(step[0]) * times, step[1] * times
+            rows, columns = levels.shape
+            if x >= columns or y >= rows:
+                return np.nan
+            first, second = levels[: rows - y, : columns - x], levels[y:, x:]
+            if step[0] < 0:
+                first, second = levels[: rows - y, x:], levels[y:, : columns - x]
+            squares[k] += ((second - first) ** 2).sum(), first.size
+    if not squares[:, 1].all():
+        return np.nan
+    near, far = (max(square - noise, LEAST_EDGES * square) for square in squares[:, 0] / squares[:, 1])
+    return _log(near) - _log(far)
 
 
 def _log(value):

@@ -13,15 +13,15 @@ from scipy.optimize import least_squares
 from effects import library
 from gap.changes import MAX_GROUP, MAX_P, MIN_CAPTURES
 from gap.parameters import spec
-from gap.permutation import labellings
-from gap.signature import OF_LIGHT, SIGNS
+from gap.permutation import MOST_LABELLINGS
+from gap.signature import NOISE, OF_CODEC, OF_LIGHT, SIGNS
 from job import seed_of
 
 MIN_SHOWING = 0.8  # of the photographs, that show a sign which counts
 MOST_LAID, PATCHES_LAID = 4, 6  # photographs of a set, patches of each, on which effects are laid to see what they do
 SCALES = (0.1, 4.0)  # of an effect's starts, at least and at most
 FIRST_STEP = 5.0  # times what matters, from effects that start at nothing
-MAX_REFINED, STEPS = 4, 4  # effects whose parameters are fitted, steps of a fit
+MAX_REFINED, STEPS = 6, 4  # effects whose parameters are fitted, steps of a fit
 DIFFERENCE = 0.1  # of its value, by which a parameter goes for a derivative: grey levels are whole, so less is rough
 FAR_BEHIND = 6.0  # times what the best leaves, from which an effect's are not
 MIN_SHARE_EXPLAINED = 0.5  # of what has changed, that a named effect explains
@@ -29,6 +29,8 @@ MIN_SHARE_OF_NEXT = (
     0.2  # of what had changed at first, left for another: a form not quite the camera's leaves a residue
 )
 MAX_CHANGES = 3
+BEFORE_NOISE = ("lens", "shutter")  # stages
+AFTER_LENS = [SIGNS.index(name) for name in (*NOISE, *OF_CODEC)]
 LIT = [SIGNS.index(name) for name in OF_LIGHT]
 MAX_TIMES_LEFT = 2.0  # times what the best leaves, up to which another effect explains alike
 
@@ -82,9 +84,13 @@ class Compared:
         return bool(squares[np.isin(self.counted, LIT)].sum() > squares.sum() / 2)
 
 
-def compared(before, after, seed, uncounted=()):
-    """Return the Compared of signatures (n, len(SIGNS)) of two sets, but for signs ``uncounted``; a seed draws permutations."""
-    every, belongs = np.concatenate([before, after]), np.repeat([0, 1], [len(before), len(after)])
+def compared(before, after, seed, poses=None, uncounted=()):
+    """Return the Compared of signatures (n, len(SIGNS)) of two sets, but for signs ``uncounted``; a seed draws permutations.
+
+    What signs follow of the photographs' ``poses`` (both sets', m), if given, is regressed out, and permuted is what is left.
+    Source: D. Freedman and D. Lane, "A nonstochastic interpretation of reported significance levels" (1983).
+    """
+    every, belongs = np.concatenate([before, after]), np.repeat([0.0, 1.0], [len(before), len(after)])
     shown = np.isfinite(every)
     showing = np.minimum(*(shown[belongs == k].mean(0) for k in (0, 1)))
     counted = np.flatnonzero((showing >= MIN_SHOWING) & ~np.isin(SIGNS, uncounted))
@@ -92,28 +98,42 @@ def compared(before, after, seed, uncounted=()):
     for k in (0, 1):
         own = belongs == k
         values[own] = np.where(np.isfinite(values[own]), values[own], np.nanmedian(values[own], axis=0))
-    found = [_statistic(values, labels) for labels in labellings(belongs, np.random.default_rng(seed))]
+    left_of = residual_maker(np.zeros((len(every), 0)) if poses is None else poses)
+    values, rng = left_of @ values, np.random.default_rng(seed)
+    orders = [np.arange(len(every)), *(rng.permutation(len(every)) for _ in range(MOST_LABELLINGS - 1))]
+    found = [_statistic(values[order], belongs, left_of) for order in orders]
     _, t, whitener, error = found[0]
     evidence = np.array([f[0] for f in found])
     evidence = ((evidence - evidence.mean(0)) / np.maximum(evidence.std(0), 1e-12)).max(1)
     return Compared(counted, t, whitener, float((evidence >= evidence[0] - 1e-9).mean()), error)
 
 
-def _statistic(values, labels):
-    """Return (evidence (2,), differences t, whitener, errors of differences) of values (n, k) in two sets.
+def residual_maker(regressors):
+    """Return the matrix (n, n) that takes values to what their mean and regressors (n, m) leave, a ridge on each.
 
-    Evidence of a change is Hotelling's statistic, its cube root, and the largest difference: of many signs, or of one.
-    Correlations are shrunk towards none, as n photographs tell few. Source: O. Ledoit and M. Wolf, "A well-conditioned estimator
-    for large-dimensional covariance matrices" (2004).
+    Few photographs tell little of a slope: in standard deviations its prior is a ``1 / n^(1/4)`` of a value's.
     """
-    sets = [values[labels == k] for k in (0, 1)]
+    n, m = regressors.shape
+    x = (regressors - regressors.mean(0)) / np.maximum(regressors.std(0), 1e-9)
+    return np.eye(n) - 1 / n - x @ np.linalg.solve(x.T @ x + np.sqrt(n) * np.eye(m), x.T)
+
+
+def _statistic(values, belongs, left_of):
+    """Return (evidence (2,), differences t, whitener, errors of differences) of values (n, k) of two sets, ``belongs`` (n,).
+
+    Both are regressed by ``left_of`` (n, n). Evidence of a change is Hotelling's statistic, its cube root, and the largest
+    difference: of many signs, or of one. Correlations are shrunk towards none, as n photographs tell few. Source: O. Ledoit and
+    M. Wolf, "A well-conditioned estimator for large-dimensional covariance matrices" (2004).
+    """
     n, k = values.shape
-    within = np.concatenate([s - s.mean(0) for s in sets])
-    sd = np.sqrt((within**2).sum(0) / (n - 2)) + 1e-6
-    error = sd * np.sqrt(sum(1 / len(s) for s in sets))
-    t = (sets[1].mean(0) - sets[0].mean(0)) / error
+    belongs = left_of @ belongs
+    difference = belongs @ values / (belongs @ belongs)
+    within, free = values - np.outer(belongs, difference), np.trace(left_of) - 1
+    sd = np.sqrt((within**2).sum(0) / free) + 1e-6
+    error = sd / np.sqrt(belongs @ belongs)
+    t = difference / error
     shrunk = k / (k + n - 2)
-    correlation = (1 - shrunk) * (within / sd).T @ (within / sd) / (n - 2) + shrunk * np.eye(k)
+    correlation = (1 - shrunk) * (within / sd).T @ (within / sd) / free + shrunk * np.eye(k)
     whitener = np.linalg.inv(np.linalg.cholesky(correlation))
     return (np.cbrt(((whitener @ t) ** 2).sum()), np.abs(t).max()), t, whitener, error
 
@@ -126,6 +146,11 @@ def candidates_of(names, in_colour):
 def can_be_laid_on(name):
     """Return whether an effect acts on light that reached the camera: not the scene's, and not what only moves points."""
     return library.effect_named(name).STAGE != "scene" and not library.is_pure_geometry(name)
+
+
+def is_before_noise(names):
+    """Return whether all of some effects act on light before a sensor adds noise to it."""
+    return all(library.effect_named(name).STAGE in BEFORE_NOISE for name in names)
 
 
 class Layer:
@@ -141,10 +166,16 @@ class Layer:
         return signatures_of(self.photographs, [*self.laid, *effects], self.each)
 
     def move(self, effects):
-        """Return by what the earlier signatures (len(SIGNS),) seem to move."""
+        """Return by what the earlier signatures (len(SIGNS),) seem to move.
+
+        What a lens no longer does, it did to light: laid on the later photographs it smooths noise that came after it.
+        """
         with np.errstate(invalid="ignore"):
             moved = self._signatures(effects) - self._before
-        return self.sign * np.array([np.median(m[np.isfinite(m)]) if np.isfinite(m).any() else 0.0 for m in moved.T])
+        moved = self.sign * np.array([np.median(m[np.isfinite(m)]) if np.isfinite(m).any() else 0.0 for m in moved.T])
+        if self.sign < 0 and is_before_noise([name for name, _ in effects]):
+            moved[AFTER_LENS] = 0.0
+        return moved
 
 
 def signatures_of(photographs, effects, each):
@@ -265,6 +296,11 @@ def refined(trial, layer, comparison):
     return replace(best, errors=dict(zip(keys, errors.tolist(), strict=True)))
 
 
+def _refined_ones(trials, layers, comparison):
+    """Return those of some Trials, refined, whose effects matter."""
+    return [t for t in (refined(t, layers[t.less], comparison) for t in trials) if matters(t)]
+
+
 def matters(trial):
     """Return whether an effect does more than is worth naming."""
     acting = {k: spec((trial.effect, k)) for k in library.parameters_of(trial.effect)}
@@ -288,10 +324,11 @@ def signature_changes(before, after, candidates, seed_name, threads=1, uncounted
 def _changes(sets, candidates, seed, each, uncounted):
     found, laid, at_first = [], ([], []), None
     signatures = [signatures_of(photographs, (), each) for photographs in sets]
+    poses = np.array([p.pose for photographs in sets for p in photographs])
     in_colour = all(p.image.shape[2] > 1 for photographs in sets for p in photographs)
     names = candidates_of(candidates or sorted(library.available_effects()), in_colour)
     while True:
-        comparison = compared(*signatures, seed, uncounted)
+        comparison = compared(*signatures, seed, poses, uncounted)
         start = comparison.distance(np.zeros(len(SIGNS)))
         total = float(start @ start)
         at_first = at_first or total
@@ -303,7 +340,10 @@ def _changes(sets, candidates, seed, each, uncounted):
             return found, comparison.p
         found.append(change)
         laid[change.less].extend(change.laid)
-        signatures[change.less] = signatures_of(sets[change.less], laid[change.less], each)
+        moved = signatures_of(sets[change.less], laid[change.less], each)
+        if change.less and is_before_noise([change.effect]):
+            moved[:, AFTER_LENS] = signatures[True][:, AFTER_LENS]
+        signatures[change.less] = moved
         names = [n for n in names if n != change.effect]
 
 
@@ -317,8 +357,8 @@ def _named(sets, laid, names, comparison, total, each):
     if not best_of:
         return None
     likely = list(best_of.values())[:MAX_REFINED]
-    likely = [t for t in likely if t.left <= FAR_BEHIND * likely[0].left]
-    ranked = [t for t in (refined(t, layers[t.less], comparison) for t in likely) if matters(t)]
+    near = [t for t in likely if t.left <= FAR_BEHIND * likely[0].left]
+    ranked = _refined_ones(near, layers, comparison) or _refined_ones(likely[len(near) :], layers, comparison)
     ranked, k = sorted(ranked, key=lambda t: t.left), len(comparison.counted)
     if not ranked or total - ranked[0].left < MIN_SHARE_EXPLAINED * (total - k):
         return None

@@ -10,8 +10,8 @@ import pytest
 from cases import case_of_several, generated_case
 
 from effects import library
-from gap import joint_way
-from gap.joint_way import _exchanged, _is_patch, _patches, _seen, _told_apart, all_at_once, first_proposal
+from gap import exchange, joint_way
+from gap.joint_way import _is_patch, _patches, _seen, _told_apart, all_at_once, first_proposal
 from gap.linear_model import Proposal, proposed
 from gap.outcome import Selection, Step
 from gap.parameters import fitted_parameters
@@ -169,11 +169,9 @@ def descent(loss, name):
 def test_the_name_is_that_of_what_leaves_least(monkeypatch, loss_px, kept, as_good):
     """Fails if a rival that leaves less does not take the name, or what leaves as little is not told."""
     losses = {"defocus": loss_px, "lens_blur": 1000.0}
-    monkeypatch.setattr(
-        joint_way, "_descended", lambda _, effects, *__: descent(losses[effects[-1][0]], effects[-1][0])
-    )
+    monkeypatch.setattr(exchange, "short_fit", lambda _, effects, *__: descent(losses[effects[-1][0]], effects[-1][0]))
     search = SimpleNamespace(problem=SimpleNamespace(starts_of=library.starts_of))
-    end, name, others = _exchanged(search, descent(1000.0, "lens_blur"), "lens_blur", ["defocus"])
+    end, name, others = exchange.exchanged(search, descent(1000.0, "lens_blur"), "lens_blur", ["defocus"])
     assert (end.state.effects[-1][0], name) == (kept, kept)
     assert [n for n, _ in others] == as_good
 
@@ -184,8 +182,8 @@ def test_rivals_of_what_is_idle_are_not_fitted(monkeypatch, scale, asked):
     effects, compared = [("exposure", {"scale": scale})], []
     end = SimpleNamespace(state=SimpleNamespace(effects=effects, poses=None), evidence={"exposure": 1e4})
     exchanged = lambda _, end, name, rivals: (compared.append(name), (end, name, []))[1]  # noqa: E731
-    monkeypatch.setattr(joint_way, "_descended", lambda *_: end)
-    monkeypatch.setattr(joint_way, "_exchanged", exchanged)
+    monkeypatch.setattr(joint_way, "short_fit", lambda *_: end)
+    monkeypatch.setattr(joint_way, "exchanged", exchanged)
     discrete = SimpleNamespace(compared_once_more=lambda e, *_: e, with_choices=lambda _, state: state.effects)
     search = SimpleNamespace(
         free=lambda effects: [],
@@ -208,7 +206,7 @@ def test_a_later_round_is_fitted_beside_the_codec_that_the_twin_has(monkeypatch,
         rough.append(list(without))
         return SimpleNamespace(state=SimpleNamespace(effects=effects, poses=poses), evidence={})
 
-    monkeypatch.setattr(joint_way, "_descended", descended)
+    monkeypatch.setattr(joint_way, "short_fit", descended)
     discrete = SimpleNamespace(compared_once_more=lambda e, *_: e, with_choices=lambda _, state: state.effects)
     problem = SimpleNamespace(shows=lambda n: n == "jpeg_compression")
     search = SimpleNamespace(free=lambda _: [], discrete=discrete, problem=problem)
@@ -329,3 +327,33 @@ class StandingTwin(SimpleNamespace):
 
 def base_twin():
     return Twin((), np.zeros((0, 6)), {}, {}, {}, {}, {}, 0.0, True)
+
+
+@pytest.mark.parametrize(
+    ("wide", "asked"), [(["denoising", "sensor_noise"], 3), (["denoising"], 2)], ids=["more", "same"]
+)
+def test_what_cancels_is_proposed_together(monkeypatch, wide, asked):
+    """Fails if rounds end where noise and what smooths it are missing, as neither is worth a round, or ask the same again."""
+    rounds = []
+
+    def one_round(search, base, here, proposal):
+        rounds.append(proposal.names)
+        if proposal.names == ["denoising"]:
+            return None, None, None
+        return replace(here, effects=(*here.effects, *proposal.effects)), "end", {}
+
+    def selected(*_, most=None, **__):
+        return of(wide if most else ["denoising"])
+
+    def of(names):
+        return Proposal([(n, library.nulls_of(n)) for n in names], dict.fromkeys(names, []))
+
+    for name, stand_in in {
+        "_round": one_round, "selected": selected, "linear_model": lambda *_: ([], None),
+        "is_at_floor": lambda twin: "sensor_noise" in twin.names, "exchanges": lambda *_: {},
+        "_pruned": lambda search, base, twin, end: twin,
+    }.items():  # fmt: skip
+        monkeypatch.setattr(joint_way, name, stand_in)
+    selection = SimpleNamespace(search=SimpleNamespace(), is_spent=lambda: False, progress=None)
+    found, *_ = joint_way._found(selection, base_twin(), base_twin(), ["denoising", "sensor_noise"], of(["exposure"]))
+    assert len(rounds) == asked and found.names == ["exposure", *(wide if asked == 3 else [])]

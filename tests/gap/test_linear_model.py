@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gap import linear_model
-from gap.linear_model import MAX_COLUMNS, LinearModel, Way, _rivals, _simpler, proposed
+from gap.linear_model import MAX_COLUMNS, LinearModel, Way, _rivals, _simpler, exchanges, selected
 
 H, G = np.array([[4.0, 2.0, 0.0], [2.0, 4.0, 0.0], [0.0, 0.0, 1.0]]), np.array([8.0, 8.0, -3.0])
 
@@ -61,9 +61,35 @@ def test_a_later_round_proposes_what_leads(monkeypatch, share_of_first, names):
     """Fails if what is small beside a leading effect comes along in a later round, or in the first one stays behind."""
     ways = [Way(n, (), None, (k,)) for k, n in enumerate(["sharpening", "denoising", "lens_blur"])]
     model = LinearModel(np.eye(3), np.array([40.0, 30.0, 20.0]), np.full(3, -np.inf), np.full(3, np.inf), ())
-    monkeypatch.setattr(linear_model, "linear_model", lambda *_: (ways, model))
     monkeypatch.setattr(linear_model, "_first_guess", lambda *_: {})
     monkeypatch.setattr(linear_model, "probes", lambda train: train)
     search = SimpleNamespace(train=[0], problem=SimpleNamespace(shows=lambda name: {}))
     twin = SimpleNamespace(names=[])
-    assert proposed(search, twin, [w.effect for w in ways], share_of_first=share_of_first).names == names
+    assert selected(search, twin, ways, model, share_of_first=share_of_first).names == names
+
+
+def own_and_others(H, g):
+    """Return (search, twin, ways, model): an exposure of 1.5 that a twin has, beside what ``H`` and ``g`` tell of two others."""
+    ways = [Way(n, (), None, (k,)) for k, n in enumerate(["veiling_glare", "vignetting"])]
+    model = LinearModel(np.array(H), np.array(g), np.full(3, -np.inf), np.full(3, np.inf), [2])
+    search = SimpleNamespace(
+        free=lambda _: [("exposure", "scale")], is_fixed=lambda _: False, problem=SimpleNamespace(shows=lambda _: {})
+    )
+    return search, SimpleNamespace(effects=(("exposure", {"scale": 1.5}),)), ways, model
+
+
+@pytest.mark.parametrize(("alike", "found"), [(0.8, {"exposure": ["veiling_glare"]}), (0.6, {})])
+def test_what_does_as_much_in_an_effects_place_is_asked_once_more(alike, found):
+    """Fails if an effect keeps its name unasked where another moves what it moves, or if all others are asked."""
+    H = [[100.0, 0, 100 * alike], [0, 100.0, 10], [100 * alike, 10, 100.0]]
+    assert exchanges(*own_and_others(H, [0.0, 0, 0])) == found
+
+
+def test_taking_an_effect_out_costs_what_its_own_steps_tell():
+    """Fails if the loss of going back, or what the others then gain, is not that of the quadratic."""
+    H, g = np.array([[4.0, 1.0], [1.0, 9.0]]), np.array([0.5, -0.3])
+    model = LinearModel(H, g, np.full(2, -np.inf), np.full(2, np.inf), [0, 1])
+    rest, cost = model.without([0], [-2.0])
+    after = g - H @ [-2.0, 0]
+    exact = g @ np.linalg.solve(H, g) - (2 * g[0] * -2 - 4 * H[0, 0] + after[1] ** 2 / H[1, 1])
+    assert cost == pytest.approx(exact, rel=1e-4) and rest.own == [1]

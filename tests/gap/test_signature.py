@@ -8,7 +8,7 @@ import gap.signature_changes
 from effects import library
 from effects.pipeline import map_points
 from gap.signature import OF_CODEC, SIGNS, Photograph
-from gap.signature_changes import candidates_of, compared, scaled, signature_changes, signatures_of, starts_of
+from gap.signature_changes import Layer, candidates_of, compared, scaled, signature_changes, signatures_of, starts_of
 from generator import nominal
 from generator.photographs import Retaken
 from rig.geometry import project
@@ -80,9 +80,11 @@ def test_no_candidate_is_no_name(before):
     assert not found and p <= 0.01
 
 
-def test_less_of_an_effect_is_a_change_too(before):
-    """Fails if only what is added counts: here a blur goes away."""
-    found, _ = signature_changes(after({"lens_blur": {"sigma_px": 1.2}}), before, NAMES, "c")
+def test_less_of_an_effect_is_a_change_too():
+    """Fails if only what is added counts: here a blur goes away, and noise, which comes after a lens, stays."""
+    noise = {"sensor_noise": {"full_well_e": 3000.0, "read_noise_e": 20.0}}
+    sets = taken("before", {"lens_blur": {"sigma_px": 1.2}} | noise, range(0, 14, 2)), after(noise)
+    found, _ = signature_changes(*sets, NAMES, "c")
     assert [(c.effect, c.less) for c in found] == [("lens_blur", True)]
 
 
@@ -119,7 +121,7 @@ def test_a_picture_that_moved_over_a_codecs_blocks_is_no_other_codec():
     laid = {"jpeg_compression": {"quality": 40, "subsampling": "4:2:0"}}
     sets = [taken("before", laid, range(0, 14, 2)), taken("after", laid, range(1, 14, 2), moved_px=4)]
     signs = [signatures_of(photographs, (), map) for photographs in sets]
-    assert compared(*signs, 0).p < 0.01 < 0.05 < compared(*signs, 0, OF_CODEC).p
+    assert compared(*signs, 0).p < 0.01 < 0.05 < compared(*signs, 0, uncounted=OF_CODEC).p
 
 
 def test_signs_that_are_rarely_shown_do_not_count():
@@ -172,3 +174,51 @@ def test_what_interpolation_does_to_noise_it_does_to_both_sets(before):
     seen, alike = before[0].seen_by([], moved), before[0].interpolated_as_seen_by([], moved)
     plain, seen, alike = (shot.signature()[noise] for shot in (before[0], seen, alike))
     assert np.abs(seen - alike).max() < 0.1 < 0.3 < np.abs(seen - plain).max()
+
+
+def test_what_follows_the_boards_distance_hides_no_change():
+    """Fails if what signs follow of the pose counts as scatter, or is permuted with it: then a change of half of it is chance."""
+    rng = np.random.default_rng(5)
+    poses = rng.normal(size=(16, 3))
+    signs = 0.05 * rng.normal(size=(16, len(SIGNS))) + poses[:, :1]
+    signs[8:] += 0.5
+    assert compared(signs[:8], signs[8:], 0).p > 0.05
+    assert compared(signs[:8], signs[8:], 0, poses).p < 0.01
+
+
+def test_where_nothing_changed_a_pose_makes_no_change():
+    """Fails if what regression leaves is more alike within the sets than between them: more than one in ten are chance."""
+    rng = np.random.default_rng(6)
+    found = []
+    for _ in range(60):
+        poses = rng.normal(size=(14, 3))
+        signs = rng.normal(size=(14, len(SIGNS))) + poses @ rng.normal(size=(3, len(SIGNS)))
+        found.append(compared(signs[:7], signs[7:], 0, poses).p)
+    assert np.count_nonzero(np.array(found) < 0.1) < 15
+
+
+@pytest.mark.parametrize(("dx", "dy"), [(3, 3), (3, -3), (4, 0)], ids=["down", "up", "across"])
+def test_a_blur_along_a_line_shows_its_direction(before, dx, dy):
+    """Fails if edges blurred along a diagonal count as blurred alike everywhere, or the two diagonals change places."""
+    blur = ("motion_blur", library.nulls_of("motion_blur") | {"dx_px": float(dx), "dy_px": float(dy)})
+    after, plain = (before[0].signature(laid, np.random.default_rng(0)) for laid in ([blur], []))
+    change = dict(zip(SIGNS, after - plain, strict=True))
+    assert change["fine_x"] < -0.15
+    assert np.sign(np.rint(10 * change["fine_turn"])) == -np.sign(dy)
+
+
+def test_noise_is_no_sharpness(before):
+    """Fails if what flats differ by counts as edges that are sharper."""
+    noise = ("sensor_noise", library.nulls_of("sensor_noise") | {"read_noise_dn": 1.0})
+    after, plain = (before[0].signature(laid, np.random.default_rng(0)) for laid in ([noise], []))
+    change = dict(zip(SIGNS, after - plain, strict=True))
+    assert change["noise_black"] > 1 and max(abs(change[name]) for name in ("fine_x", "fine_y", "fine_turn")) < 0.06
+
+
+def test_a_lens_that_got_sharper_made_no_noise(before):
+    """Fails if noise that came in is explained by a blur that went away: laid on, a blur would smooth it."""
+    blur = [("lens_blur", library.nulls_of("lens_blur") | {"sigma_px": 0.8})]
+    noise = [SIGNS.index(name) for name in ("noise_white", "noise_black", "noise_coarse")]
+    less, more = (Layer(before, [], sign, map).move(blur) for sign in (-1, 1))
+    assert not less[noise].any() and less[SIGNS.index("fine_x")] > 0.1
+    assert more[noise].any()
