@@ -26,30 +26,40 @@ def told_by_corners(search, twin, names):
     moving = [n for n in names if library.is_pure_geometry(n) and n not in twin.names]
     if not moving or not has_good_share("corners", twin.excess):
         return list(twin.effects), twin.poses, {}
-    effects, poses = _fitted(search, [*twin.effects, *((n, library.nulls_of(n)) for n in moving)])
-    cost_without = _cost_without(search, effects, poses)
+    start, none = search.problem.start_poses(), search.solver.no_offsets()
+    effects, poses = _fitted(search, [*twin.effects, *((n, library.nulls_of(n)) for n in moving)], start, none)
+    cost_without = _cost_without(search, effects, poses, none)
     kept = _fewest(moving, cost_without)
     rivals = {n: _rivals(n, kept, moving, cost_without) for n in kept}
-    effects, poses = _fitted(search, [e for e in effects if e[0] in {*twin.names, *kept}])
+    effects, poses = _fitted(search, [e for e in effects if e[0] in {*twin.names, *kept}], start, none)
     return effects, poses, rivals
 
 
-def _fitted(search, effects):
-    """Return (effects, poses) with all that moves points fitted to the training captures' corners, poses from their nominal."""
+def told_beside_the_rest(search, twin, names):
+    """Return (effects, poses) of a twin in which those of ``names`` that only move points are what corners tell, once it is known
+    how much its other effects move corners.
+    """
+    moving = [n for n in names if library.is_pure_geometry(n) and not search.is_fixed(n)]
+    offsets = search.solver.offsets_of(list(twin.effects), twin.poses, search.train)
+    others = [(n, library.nulls_of(n)) for n in moving if n not in twin.names]
+    effects, poses = _fitted(search, [*twin.effects, *others], twin.poses, offsets)
+    kept = _fewest(moving, _cost_without(search, effects, poses, offsets), 2 * MIN_GAIN)
+    return _fitted(search, [e for e in effects if e[0] in kept or e[0] not in moving], twin.poses, offsets)
+
+
+def _fitted(search, effects, poses, offsets):
+    """Return (effects, poses) with all that moves points fitted to the training captures' corners, from afar."""
     free = [f for f in search.free(effects) if library.is_pure_geometry(f[0])]
-    solver = search.solver
-    return solver.fit_geometry(
-        effects, free, search.problem.start_poses(), solver.no_offsets(), search.train, SCALE, ITERATIONS
-    )
+    return search.solver.fit_geometry(effects, free, poses, offsets, search.train, SCALE, ITERATIONS)
 
 
-def _cost_without(search, effects, poses):
+def _cost_without(search, effects, poses, offsets):
     """Return a function of some effects' names: the loss of corners that taking them all out costs to second order.
 
     Corners that other effects move a little scatter by more than their noise: losses are in units of what is left.
     """
     free = [f for f in search.free(effects) if library.is_pure_geometry(f[0])]
-    H, loss, count = search.solver.precision_by_corners(effects, free, poses, search.train)
+    H, loss, count = search.solver.precision_by_corners(effects, free, poses, offsets, search.train)
     covariance = np.linalg.pinv(H + 1e-12 * np.eye(len(free)))
     away = np.array([get_parameter(effects, f) for f in free]) - priors_of(free)[0]
     unit = max(loss / (RHO_NOISE * count), 1.0)
@@ -61,15 +71,16 @@ def _cost_without(search, effects, poses):
     return cost
 
 
-def _fewest(names, cost_without):
-    """Return the fewest of some effects without the rest of which corners lose nothing clear; of as few, those that cost least.
+def _fewest(names, cost_without, least=CLEAR_EVIDENCE * MIN_GAIN):
+    """Return the fewest of some effects without the rest of which corners lose less than ``least``; of as few, those that cost
+    least.
 
-    What is less clear is looked for where images are, beside these.
+    What is less clear than that is looked for where images are, beside these.
     """
     for count in range(len(names) + 1):
         costs = {kept: cost_without(set(names) - set(kept)) for kept in combinations(names, count)}
         best = min(costs, key=costs.get)
-        if costs[best] < CLEAR_EVIDENCE * MIN_GAIN:
+        if costs[best] < least:
             return list(best)
     return list(names)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from effects import library
 from gap.exchange import FURTHER_ITERATIONS, exchanged, short_fit
-from gap.geometry_first import told_by_corners
+from gap.geometry_first import told_beside_the_rest, told_by_corners
 from gap.linear_model import (
     MIN_SHARE_OF_FIRST,
     MIN_SHARE_PROPOSED,
@@ -163,6 +163,7 @@ def _found(selection, base, here, names, proposal):
     if at is None:
         return here, order, alike
     here, at, as_good = _with_exchanges(search, base, here, at, exchanges(search, here, *model))
+    here, at = _with_geometry_told_again(search, base, here, at, names)
     return _pruned(search, base, here, at), order, alike | as_good
 
 
@@ -180,6 +181,17 @@ def _with_exchanges(search, base, twin, end, rivals):
         if kept == name or sum(other.losses.values()) < sum(twin.losses.values()):
             twin, end, alike = other, other_end, alike | {kept: as_good}
     return twin, end, alike
+
+
+def _with_geometry_told_again(search, base, twin, end, names):
+    """Return (Twin, its Descent) in which corners tell beside all the rest what moves points alone, where that does better."""
+    effects, poses = told_beside_the_rest(search, twin, [n for n in names if n not in base.names])
+    if {n for n, _ in effects} == set(twin.names):
+        return twin, end
+    other_end = short_fit(search, effects, poses, SCALE_FROM_NEAR, FIRST_ITERATIONS)
+    other = _standing(search, base, other_end)
+    is_better = sum(other.losses.values()) + MIN_GAIN < sum(twin.losses.values())
+    return (other, other_end) if is_better else (twin, end)
 
 
 def _round(search, base, here, proposal):
@@ -211,6 +223,8 @@ def _pruned(search, base, twin, end):
     for name in sorted(_added(twin, base), key=lambda n: (end.evidence.get(n, np.inf), n)):
         if search.is_fixed(name) or search.problem.shows(name) or _is_clearly_needed(search, end, name):
             continue
+        if _leaves_much(search, end, name):
+            continue
         rest = _without(search, end, [name], FIRST_ITERATIONS)
         without = _standing(search, base, rest)
         if is_as_good(without, twin) or (_is_rough(search, twin) and _leaves_as_little(without, twin)):
@@ -222,6 +236,12 @@ def _is_clearly_needed(search, end, name):
     """Return whether the second order alone says that an effect of a Descent is needed: a codec's steps make much of an image."""
     is_clear = end.evidence.get(name, np.inf) > CLEAR_EVIDENCE * MIN_GAIN
     return is_clear and (library.is_pure_geometry(name) or not _is_rough(search, end.state))
+
+
+def _leaves_much(search, end, name):
+    """Return whether taking an effect out of a Descent, the others following with its derivatives, leaves clearly more."""
+    rest = [e for e in end.state.effects if e[0] != name]
+    return search.solver.followed(end, rest, search.free(rest)) > end.loss + CLEAR_EVIDENCE * MIN_GAIN
 
 
 def _is_rough(search, twin):

@@ -27,6 +27,7 @@ from gap.residuals import NU, Whitener, total, width_of
 
 STILL_FAR = 0.1  # share of its loss above which a step says that the next one gains as well
 OLDEST_DERIVATIVES = 3  # steps that derivatives serve
+STALE_STEPS = 4  # at most, with derivatives of another list of effects
 POSE_STEPS = 25  # at most: a mount that was found askew turns held-out cameras by a degree
 DRAWN_AGAIN, NEAR_PX = 3, 0.05  # times that held-out images are drawn, move of corners that is followed without
 
@@ -158,13 +159,13 @@ class Solver:
         g = Jt.T @ wy - C.T @ np.linalg.solve(A, b)
         return H, g, (A, b, C), (nu * np.log1p(y * y / nu)).sum() + (self.prior * pose**2).sum()
 
-    def precision_by_corners(self, effects, free, poses, train):
+    def precision_by_corners(self, effects, free, poses, offsets, train):
         """Return (H, loss, count): the Hessian (k, k) of half the corners' loss by free geometric parameters, poses eliminated;
         that loss, and of how many residuals.
         """
-        H, loss, count, none = np.diag(priors_of(free)[1]), 0.0, 0, self.no_offsets()
+        H, loss, count = np.diag(priors_of(free)[1]), 0.0, 0
         for i in train:
-            H_i, _, _, loss_i = self._corner_equations(i, effects, free, poses[i], none[i], NU)
+            H_i, _, _, loss_i = self._corner_equations(i, effects, free, poses[i], offsets[i], NU)
             H, loss, count = H + H_i, loss + loss_i, count + self.whiteners[i].plates.size * self.problem.corner_numbers
         return H, loss, count
 
@@ -252,6 +253,31 @@ class Solver:
         if geometric:
             effects, poses = self.fit_geometry(effects, geometric, poses, self.no_offsets(), train, scale=scale)
         return self.descend(effects, free, poses, train, iterations)
+
+    def followed(self, end, effects, free, iterations=STALE_STEPS):
+        """Return the loss of a few of a Descent's captures where a list of effects takes its place and free parameters follow.
+
+        With derivatives as they were: no less than a fit's, at a small part of its cost.
+        """
+        mine = [end.free.index(f) for f in free]
+        derivatives = {i: (Jt[:, mine], Jp) for i, (Jt, Jp) in end.derivatives.items()}
+        poses, lower_upper = end.state.poses, bounds_of(free)
+        groups = self.residuals_of(effects, poses, list(derivatives))
+        for _ in range(iterations):
+            theta = np.array([get_parameter(effects, f) for f in free])
+            width = width_of(groups)
+            H, g, blocks = normal_equations(derivatives, groups, NU * width**2, prior_equations(effects, free))
+            d = np.linalg.solve(H + np.diag(np.diag(H) * 1e-4 + 1e-12), g)
+            d = np.clip(theta + d, *lower_upper) - theta
+            trial, moved = with_parameters(effects, free, theta + d), poses.copy()
+            for i, A, b, C in blocks:
+                moved[i] = poses[i] + np.linalg.solve(A, b - C @ d)
+            after = self.residuals_of(trial, moved, list(derivatives))
+            if total(after, NU) > total(groups, NU) - 1:
+                break
+            derivatives = updated(derivatives, groups, after, d, moved - poses, np.diag(H))
+            effects, poses, groups = trial, moved, after
+        return total(groups, NU)
 
     def descend(self, effects, free, poses, train, iterations):
         """Return the Descent of the free parameters and the training captures' poses: a fit without errors, from where it is."""

@@ -5,7 +5,7 @@ import pytest
 from cases import case_of_several
 
 from effects import library
-from gap.geometry_first import _fewest, _rivals, told_by_corners
+from gap.geometry_first import _fewest, _rivals, told_beside_the_rest, told_by_corners
 from gap.linear_model import proposed
 from gap.search import Search
 from gap.select_effects import is_flexible
@@ -48,6 +48,17 @@ def test_a_blur_is_proposed_by_the_start_that_is_like_it(told):
     found = dict(proposed(search, near, names).effects)
     assert list(found)[:2] == ["exposure", "lens_blur"]
     assert 0.8 < found["lens_blur"]["sigma_px"] < 1.3
+
+
+def test_corners_tell_again_what_moved_them_beside_the_rest(told):
+    """Fails if a move that stood for another stays once it is known what blur and levels do to corners, or they go as well."""
+    search, _, (effects, poses, _) = told
+    others = ["tangential_distortion", "focal_length", "rolling_shutter"]
+    wrong = [(n, library.starts_of(n)[0]) for n in ("lens_blur", "exposure")]
+    wrong += [(n, dict(effects).get(n, library.nulls_of(n))) for n in others]
+    twin = search.scored(search.solver.fit(wrong, search.free(wrong), poses, search.train, 3), search.free(wrong))
+    again, _ = told_beside_the_rest(search, twin, rigid(search))
+    assert sorted(n for n, _ in again) == sorted([*MOVING, "lens_blur", "exposure"])
 
 
 def test_where_corners_are_in_place_they_tell_nothing(tmp_path):

@@ -11,11 +11,12 @@ from cases import case_of_several, generated_case
 
 from effects import library
 from gap import exchange, joint_way
+from gap.exchange import short_fit
 from gap.joint_way import _is_patch, _patches, _seen, _told_apart, all_at_once, first_proposal
 from gap.linear_model import Proposal, proposed
 from gap.outcome import Selection, Step
 from gap.parameters import fitted_parameters
-from gap.search import Search
+from gap.search import SCALE_FROM_NEAR, SCALE_FROM_START, Search
 from gap.select_effects import is_flexible
 from gap.twin import Twin
 
@@ -242,6 +243,7 @@ def test_beside_a_codec_all_photometry_is_taken_out_to_see(monkeypatch, names, a
 
     monkeypatch.setattr(joint_way, "_without", without)
     monkeypatch.setattr(joint_way, "_standing", standing)
+    monkeypatch.setattr(joint_way, "_leaves_much", lambda *_: False)
     monkeypatch.setattr(joint_way, "is_as_good", lambda *_: False)
     monkeypatch.setattr(joint_way, "_leaves_as_little", lambda a, b: a.left <= b.left)
     effects = tuple((n, {}) for n in names)
@@ -249,6 +251,19 @@ def test_beside_a_codec_all_photometry_is_taken_out_to_see(monkeypatch, names, a
     search = SimpleNamespace(is_fixed=lambda n: False, problem=SimpleNamespace(shows=lambda n: n == "jpeg_compression"))
     pruned = joint_way._pruned(search, base_twin(), StandingTwin(effects, 0.0, {}), end)
     assert (tried, pruned.names) == (asked, left)
+
+
+def test_what_others_leave_with_old_derivatives_is_what_a_fit_leaves(coded):
+    """Fails if the steps without new derivatives go astray, or tell less than a fit: an effect would stay or go for that."""
+    search = Search(coded)
+    effects = [(n, coded.starts_of(n)[0]) for n in OF_A_CODEC]
+    end = short_fit(search, effects, search.problem.start_poses(), SCALE_FROM_START, 9, rough=["jpeg_compression"])
+    for name in ("colour_balance", "lens_blur"):
+        rest = [e for e in end.state.effects if e[0] != name]
+        quick = search.solver.followed(end, rest, search.free(rest))
+        full = short_fit(search, rest, end.state.poses, SCALE_FROM_NEAR, 9).loss
+        assert 0.95 * (full - end.loss) < quick - end.loss < 1.3 * (full - end.loss)
+        assert joint_way._leaves_much(search, end, name)
 
 
 def test_what_is_left_is_compared_in_one_twins_floors():
