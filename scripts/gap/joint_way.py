@@ -162,14 +162,15 @@ def _found(selection, base, here, names, proposal):
         proposal = selected(search, here, *model, least, MIN_SHARE_OF_FIRST)
     if at is None:
         return here, order, alike
-    here, at, as_good = _with_exchanges(search, base, here, at, exchanges(search, here, *model))
-    here, at = _with_geometry_told_again(search, base, here, at, names)
-    return _pruned(search, base, here, at), order, alike | as_good
+    told, at = _with_geometry_told_again(search, base, here, at, names)
+    told, at = _pruned(search, base, told, at)
+    found, as_good = _with_exchanges(search, base, told, at, exchanges(search, here, told.names, *model))
+    return found, order, alike | as_good
 
 
 def _with_exchanges(search, base, twin, end, rivals):
-    """Return (Twin, its Descent, {name: effects that do as well in its place}) in which effects gave way to ``rivals`` of theirs,
-    {name: others}, where these do better: beside all others another may be the right one.
+    """Return (Twin, {name: effects that do as well in its place}) in which effects of a Twin, and its Descent, gave way to
+    ``rivals`` {name: others} where these do better: beside all others another may be the right one.
     """
     alike = {}
     for name, others in rivals.items():
@@ -180,7 +181,7 @@ def _with_exchanges(search, base, twin, end, rivals):
         other = _standing(search, base, other_end)
         if kept == name or sum(other.losses.values()) < sum(twin.losses.values()):
             twin, end, alike = other, other_end, alike | {kept: as_good}
-    return twin, end, alike
+    return twin, alike
 
 
 def _with_geometry_told_again(search, base, twin, end, names):
@@ -219,7 +220,7 @@ def _round(search, base, here, proposal):
 
 
 def _pruned(search, base, twin, end):
-    """Return the Twin of a Descent without what it does not need: the weakest first, all others refitted shortly."""
+    """Return (Twin, its Descent) without what it does not need: the weakest first, all others refitted shortly."""
     for name in sorted(_added(twin, base), key=lambda n: (end.evidence.get(n, np.inf), n)):
         if search.is_fixed(name) or search.problem.shows(name) or _is_clearly_needed(search, end, name):
             continue
@@ -229,7 +230,7 @@ def _pruned(search, base, twin, end):
         without = _standing(search, base, rest)
         if is_as_good(without, twin) or (_is_rough(search, twin) and _leaves_as_little(without, twin)):
             twin, end = without, rest
-    return twin
+    return twin, end
 
 
 def _is_clearly_needed(search, end, name):

@@ -144,19 +144,25 @@ def _rivals(model, way, taken, left):
     return sorted({w.effect for w in alike if model.gain([*others, *w.columns]) - without > enough})
 
 
-def exchanges(search, twin, ways, model):
-    """Return {effect of a twin: other names, most promising first} that may stand in its place, to second order.
+def exchanges(search, twin, kept, ways, model):
+    """Return {effect ``kept`` of a twin: other names, most promising first} that may stand in its place, to second order.
 
     Of what taking it out costs, its parameters back at their nulls and all others refitted, one that affects the same brings
-    ``EXCHANGE_SHARE``. Ways and the LinearModel are about the twin. What only moves points corners have told apart.
+    ``EXCHANGE_SHARE``. Ways and the LinearModel are about the twin, of which what is not
+    ``kept`` goes back to its null. What only moves points corners have told apart.
     """
-    free, first, found = search.free(twin.effects), min(model.own, default=0), {}
-    for name, values in twin.effects:
-        mine = [k for k, (effect, _) in enumerate(free) if effect == name]
-        if not mine or library.is_pure_geometry(name) or search.is_fixed(name) or search.problem.shows(name):
+    found = {}
+    for name in (n for n in twin.names if n not in kept):
+        model, _ = _without_effect(search, twin, name, model)
+    for name in (n for n in twin.names if n in kept):
+        if (
+            not search.free([(name, dict(twin.effects)[name])])
+            or library.is_pure_geometry(name)
+            or search.is_fixed(name)
+            or search.problem.shows(name)
+        ):
             continue
-        back = [spec(free[k]).null - values[free[k][1]] for k in mine]
-        rest, cost = model.without([first + k for k in mine], back)
+        rest, cost = _without_effect(search, twin, name, model)
         brings, at = {}, rest.gain(())
         for way in ways:
             if library.affects(way.effect) == library.affects(name):
@@ -165,6 +171,14 @@ def exchanges(search, twin, ways, model):
         if rivals:
             found[name] = rivals[:MAX_EXCHANGED]
     return found
+
+
+def _without_effect(search, twin, name, model):
+    """Return ``LinearModel.without`` of an effect of the twin that the model is about, its parameters back at their nulls."""
+    free, values = search.free(twin.effects), dict(twin.effects)[name]
+    mine = [k for k, (effect, _) in enumerate(free) if effect == name]
+    back = [spec(free[k]).null - values[free[k][1]] for k in mine]
+    return model.without([len(model.g) - len(free) + k for k in mine], back)
 
 
 def linear_model(search, twin, names):

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from effects import library
-from gap.joint_way import all_at_once, twins_on_the_way
+from gap.joint_way import MANY, all_at_once, twins_on_the_way
 from gap.outcome import Selection, Step, outcome_of, without_unneeded
 from gap.search import MAX_PARAMETERS, MIN_GAIN, Search, confused_with, errors_to_exceed, is_significant
 from gap.standing import (
@@ -75,7 +75,7 @@ def concluded(selection, base, first):
     best = all_at_once(selection, base, base, [c.effect for c in rigid], before)
     if not best or best.verdict == "unexplained":
         best = _one_by_one(selection, base, rigid, before, best)
-    if best.steps and not is_at_floor(best.twin):
+    if best.steps and len(best.steps) < MANY and not is_at_floor(best.twin):  # of many, each was held against others
         best = _with_simpler(selection, base, rigid, best, before)
     if best.verdict == "unexplained" and not selection.is_spent():
         best = _with_flexible(selection, base, first, best, before)

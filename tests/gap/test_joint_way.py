@@ -249,7 +249,7 @@ def test_beside_a_codec_all_photometry_is_taken_out_to_see(monkeypatch, names, a
     effects = tuple((n, {}) for n in names)
     end = SimpleNamespace(state=SimpleNamespace(effects=effects), evidence=dict.fromkeys(names, 1e5))
     search = SimpleNamespace(is_fixed=lambda n: False, problem=SimpleNamespace(shows=lambda n: n == "jpeg_compression"))
-    pruned = joint_way._pruned(search, base_twin(), StandingTwin(effects, 0.0, {}), end)
+    pruned, _ = joint_way._pruned(search, base_twin(), StandingTwin(effects, 0.0, {}), end)
     assert (tried, pruned.names) == (asked, left)
 
 
@@ -366,9 +366,43 @@ def test_what_cancels_is_proposed_together(monkeypatch, wide, asked):
     for name, stand_in in {
         "_round": one_round, "selected": selected, "linear_model": lambda *_: ([], None),
         "is_at_floor": lambda twin: "sensor_noise" in twin.names, "exchanges": lambda *_: {},
-        "_pruned": lambda search, base, twin, end: twin,
+        "_pruned": lambda search, base, twin, end: (twin, end), 
+        "_with_geometry_told_again": lambda search, base, twin, end, names: (twin, end),
     }.items():  # fmt: skip
         monkeypatch.setattr(joint_way, name, stand_in)
     selection = SimpleNamespace(search=SimpleNamespace(), is_spent=lambda: False, progress=None)
     found, *_ = joint_way._found(selection, base_twin(), base_twin(), ["denoising", "sensor_noise"], of(["exposure"]))
     assert len(rounds) == asked and found.names == ["exposure", *(wide if asked == 3 else [])]
+
+
+@pytest.mark.parametrize(("loss", "kept"), [(900.0, "veiling_glare"), (1100.0, "tone_curve")], ids=["less", "more"])
+def test_another_takes_the_place_where_held_out_captures_lose_less(monkeypatch, loss, kept):
+    """Fails if what fits the fitted captures alone takes a name, or a curve keeps that of a glare."""
+    curve, glare = [(n, library.nulls_of(n)) for n in ("tone_curve", "veiling_glare")]
+    end, other = (SimpleNamespace(state=SimpleNamespace(effects=[e])) for e in (curve, glare))
+    monkeypatch.setattr(joint_way, "exchanged", lambda *_: (other, "veiling_glare", []))
+    monkeypatch.setattr(joint_way, "_standing", lambda search, base, end: standing_with(end.state.effects, loss))
+    twin = standing_with([curve], 1000.0)
+    found, _ = joint_way._with_exchanges(None, base_twin(), twin, end, {"tone_curve": ["veiling_glare"]})
+    assert found.names == [kept]
+
+
+@pytest.mark.parametrize(
+    ("loss", "moves"), [(900.0, "principal_point"), (990.0, "rolling_shutter")], ids=["less", "as much"]
+)
+def test_corners_change_a_name_only_where_images_agree(monkeypatch, loss, moves):
+    """Fails if corners that others move a little rename what moves points though no capture gains."""
+    shutter, point = [(n, library.nulls_of(n)) for n in ("rolling_shutter", "principal_point")]
+    monkeypatch.setattr(joint_way, "told_beside_the_rest", lambda *_: ([point], None))
+    monkeypatch.setattr(joint_way, "short_fit", lambda *_: "end")
+    monkeypatch.setattr(joint_way, "_standing", lambda *_: standing_with([point], loss))
+    twin = standing_with([shutter], 1000.0)
+    found, _ = joint_way._with_geometry_told_again(
+        None, base_twin(), twin, None, ["rolling_shutter", "principal_point"]
+    )
+    assert found.names == [moves]
+
+
+def standing_with(effects, loss):
+    """Return a StandingTwin of effects that loses so much on held-out captures."""
+    return StandingTwin(tuple(effects), 0.0, {0: loss})

@@ -69,13 +69,21 @@ def test_a_later_round_proposes_what_leads(monkeypatch, share_of_first, names):
 
 
 def own_and_others(H, g):
-    """Return (search, twin, ways, model): an exposure of 1.5 that a twin has, beside what ``H`` and ``g`` tell of two others."""
+    """Return (search, twin, names, ways, model): an exposure that a twin has, beside what ``H`` and ``g`` tell of two others."""
     ways = [Way(n, (), None, (k,)) for k, n in enumerate(["veiling_glare", "vignetting"])]
     model = LinearModel(np.array(H), np.array(g), np.full(3, -np.inf), np.full(3, np.inf), [2])
     search = SimpleNamespace(
-        free=lambda _: [("exposure", "scale")], is_fixed=lambda _: False, problem=SimpleNamespace(shows=lambda _: {})
+        free=lambda effects: [("exposure", "scale") for _ in effects],
+        is_fixed=lambda _: False,
+        problem=SimpleNamespace(shows=lambda _: {}),
     )
-    return search, SimpleNamespace(effects=(("exposure", {"scale": 1.5}),)), ways, model
+    return (
+        search,
+        SimpleNamespace(effects=(("exposure", {"scale": 1.5}),), names=["exposure"]),
+        ["exposure"],
+        ways,
+        model,
+    )
 
 
 @pytest.mark.parametrize(("alike", "found"), [(0.8, {"exposure": ["veiling_glare"]}), (0.6, {})])
