@@ -143,7 +143,7 @@ def _found(selection, base, here, names, proposal):
         order += [n for n in proposal.names if n not in order]
         if selection.progress:
             selection.progress(", ".join(proposal.names), search.cost / selection.budget)
-        there, end, as_good = _round(search, base, here, proposal)
+        there, end, as_good, went = _round(search, base, here, proposal)
         if there is None:
             if model is None or wider:
                 break
@@ -152,7 +152,7 @@ def _found(selection, base, here, names, proposal):
             if asked.issuperset(proposal.names):
                 break
             continue
-        dropped, wider = set(proposal.names) - set(there.names), False
+        dropped, wider = went, False
         here, at, alike = there, end, alike | as_good
         model = linear_model(search, here, [n for n in names if n not in here.names])
         if is_at_floor(here):
@@ -164,13 +164,19 @@ def _found(selection, base, here, names, proposal):
         return here, order, alike
     told, at = _with_geometry_told_again(search, base, here, at, names)
     told, at = _pruned(search, base, told, at)
-    found, as_good = _with_exchanges(search, base, told, at, exchanges(search, here, told.names, *model))
+    rivals = exchanges(search, here, told.names, *model)
+    found, at, as_good = _with_exchanges(search, base, told, at, rivals)
+    if set(found.names) != set(told.names):  # another may have stood for a part of what went
+        rest = [n for n in names if n not in {*told.names, *found.names}]
+        rivals = exchanges(search, found, found.names, *linear_model(search, found, rest))
+        found, at, again = _with_exchanges(search, base, found, at, rivals)
+        as_good |= again
     return found, order, alike | as_good
 
 
 def _with_exchanges(search, base, twin, end, rivals):
-    """Return (Twin, {name: effects that do as well in its place}) in which effects of a Twin, and its Descent, gave way to
-    ``rivals`` {name: others} where these do better: beside all others another may be the right one.
+    """Return (Twin, its Descent, {name: effects that do as well in its place}) in which effects gave way to ``rivals`` of theirs,
+    {name: others}, where these do better: beside all others another may be the right one.
     """
     alike = {}
     for name, others in rivals.items():
@@ -181,7 +187,7 @@ def _with_exchanges(search, base, twin, end, rivals):
         other = _standing(search, base, other_end)
         if kept == name or sum(other.losses.values()) < sum(twin.losses.values()):
             twin, end, alike = other, other_end, alike | {kept: as_good}
-    return twin, alike
+    return twin, end, alike
 
 
 def _with_geometry_told_again(search, base, twin, end, names):
@@ -196,7 +202,7 @@ def _with_geometry_told_again(search, base, twin, end, names):
 
 
 def _round(search, base, here, proposal):
-    """Return (Twin with what stays of a Proposal, its Descent, {name: effects that do as well in its place}) of a round.
+    """Return (Twin with what stays of a Proposal, its Descent, {name: effects that do as well in its place}, names that went).
 
     All None where too little stays, or closes too little.
     """
@@ -209,14 +215,14 @@ def _round(search, base, here, proposal):
     added = _added(there, here)
     patches = _patches(search, there, end, added)
     if not set(added) - set(patches):
-        return None, None, None
+        return None, None, None, None
     if patches:
         end = _without(search, end, patches)
         there = _standing(search, base, end)
     asked = [n for n in _added(there, here) if not search.problem.shows(n)]
     if not _closes_enough(here, there, min(MIN_SHARE * len(asked), MAX_SHARE_ASKED)):
-        return None, None, None
-    return there, end, as_good
+        return None, None, None, None
+    return there, end, as_good, {*idle, *patches}
 
 
 def _pruned(search, base, twin, end):

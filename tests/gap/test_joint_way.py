@@ -354,8 +354,8 @@ def test_what_cancels_is_proposed_together(monkeypatch, wide, asked):
     def one_round(search, base, here, proposal):
         rounds.append(proposal.names)
         if proposal.names == ["denoising"]:
-            return None, None, None
-        return replace(here, effects=(*here.effects, *proposal.effects)), "end", {}
+            return None, None, None, None
+        return replace(here, effects=(*here.effects, *proposal.effects)), "end", {}, set()
 
     def selected(*_, most=None, **__):
         return of(wide if most else ["denoising"])
@@ -383,7 +383,7 @@ def test_another_takes_the_place_where_held_out_captures_lose_less(monkeypatch, 
     monkeypatch.setattr(joint_way, "exchanged", lambda *_: (other, "veiling_glare", []))
     monkeypatch.setattr(joint_way, "_standing", lambda search, base, end: standing_with(end.state.effects, loss))
     twin = standing_with([curve], 1000.0)
-    found, _ = joint_way._with_exchanges(None, base_twin(), twin, end, {"tone_curve": ["veiling_glare"]})
+    found, *_ = joint_way._with_exchanges(None, base_twin(), twin, end, {"tone_curve": ["veiling_glare"]})
     assert found.names == [kept]
 
 
@@ -406,3 +406,25 @@ def test_corners_change_a_name_only_where_images_agree(monkeypatch, loss, moves)
 def standing_with(effects, loss):
     """Return a StandingTwin of effects that loses so much on held-out captures."""
     return StandingTwin(tuple(effects), 0.0, {0: loss})
+
+
+def test_what_gave_way_to_a_rival_may_come_back(monkeypatch):
+    """Fails if rounds end as soon as what is missing is an effect whose place a rival took: a noise, say, a sharpening's."""
+    rounds, of = [], {"sensor_noise": "sharpening"}
+
+    def one_round(search, base, here, proposal):
+        rounds.append(proposal.names)
+        kept = [(of.get(n, n) if len(rounds) == 1 else n, {}) for n in proposal.names]
+        return replace(here, effects=(*here.effects, *kept)), "end", {}, set()
+
+    noise = Proposal([("sensor_noise", {})], {"sensor_noise": []})
+    for name, stand_in in {
+        "_round": one_round, "selected": lambda *_, **__: noise, "linear_model": lambda *_: ([], None),
+        "is_at_floor": lambda twin: "sensor_noise" in twin.names, "exchanges": lambda *_: {},
+        "_pruned": lambda search, base, twin, end: (twin, end),
+        "_with_geometry_told_again": lambda search, base, twin, end, names: (twin, end),
+    }.items():  # fmt: skip
+        monkeypatch.setattr(joint_way, name, stand_in)
+    selection = SimpleNamespace(search=SimpleNamespace(), is_spent=lambda: False, progress=None)
+    found, *_ = joint_way._found(selection, base_twin(), base_twin(), ["sensor_noise", "sharpening"], noise)
+    assert found.names == ["sharpening", "sensor_noise"]
