@@ -34,8 +34,13 @@ from gap.predict.windows import FRAME_COLUMNS, FRAME_ROWS, make_atlas
 
 EDGES = ("spread_x", "spread_y", "spread_xy", "overshoot", "ink")
 NOISE = ("noise_white", "noise_black", "noise_across", "noise_coarse", "noise_colour")
+SHARPNESS = (
+    "fine_x",
+    "fine_y",
+    "fine_turn",
+)  # compared between photographs only: no effect's edges have a lens's tails
 SIGNS = (
-    *EDGES, "overshoot_outwards", "fine_x", "fine_y", "fine_turn", *NOISE, "blocks", "flat_blocks",
+    *EDGES, "overshoot_outwards", *SHARPNESS, *NOISE, "blocks", "flat_blocks",
     "light", "black", "light_outwards", "red", "blue", "red_outwards", "blue_outwards",
 )  # fmt: skip
 OF_LIGHT = ("light", "black", "light_outwards", "red", "blue")  # what another lamp would change as well

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from cases import case_of_several, generated_case
+from stand_in_twins import StandingTwin, base_twin
 
 from effects import library
 from gap import exchange, joint_way
@@ -18,7 +19,6 @@ from gap.outcome import Selection, Step
 from gap.parameters import fitted_parameters
 from gap.search import SCALE_FROM_NEAR, SCALE_FROM_START, Search
 from gap.select_effects import is_flexible
-from gap.twin import Twin
 
 SIX = ["exposure", "focal_length", "lens_blur", "principal_point", "radial_distortion", "sensor_noise"]
 OTHERS = ["defocus", "marker_scale", "tone_curve", "vignetting"]
@@ -331,100 +331,3 @@ def test_rounds_end_at_the_floors_of_the_verdict():
         solver=solver, test=[0], train=[1], floors_at=lambda effects, poses, groups: {"noise": len(groups)}
     )
     assert _seen(search, base_twin()).floors == {"noise": 2}
-
-
-class StandingTwin(SimpleNamespace):
-    """Effects, what they leave above the floor, losses."""
-
-    def __init__(self, effects, left, losses):
-        super().__init__(effects=effects, left=left, losses=losses, names=[n for n, _ in effects])
-
-
-def base_twin():
-    return Twin((), np.zeros((0, 6)), {}, {}, {}, {}, {}, 0.0, True)
-
-
-@pytest.mark.parametrize(
-    ("wide", "asked"), [(["denoising", "sensor_noise"], 3), (["denoising"], 2)], ids=["more", "same"]
-)
-def test_what_cancels_is_proposed_together(monkeypatch, wide, asked):
-    """Fails if rounds end where noise and what smooths it are missing, as neither is worth a round, or ask the same again."""
-    rounds = []
-
-    def one_round(search, base, here, proposal):
-        rounds.append(proposal.names)
-        if proposal.names == ["denoising"]:
-            return None, None, None, None
-        return replace(here, effects=(*here.effects, *proposal.effects)), "end", {}, set()
-
-    def selected(*_, most=None, **__):
-        return of(wide if most else ["denoising"])
-
-    def of(names):
-        return Proposal([(n, library.nulls_of(n)) for n in names], dict.fromkeys(names, []))
-
-    for name, stand_in in {
-        "_round": one_round, "selected": selected, "linear_model": lambda *_: ([], None),
-        "is_at_floor": lambda twin: "sensor_noise" in twin.names, "exchanges": lambda *_: {},
-        "_pruned": lambda search, base, twin, end: (twin, end), 
-        "_with_geometry_told_again": lambda search, base, twin, end, names: (twin, end),
-    }.items():  # fmt: skip
-        monkeypatch.setattr(joint_way, name, stand_in)
-    selection = SimpleNamespace(search=SimpleNamespace(), is_spent=lambda: False, progress=None)
-    found, *_ = joint_way._found(selection, base_twin(), base_twin(), ["denoising", "sensor_noise"], of(["exposure"]))
-    assert len(rounds) == asked and found.names == ["exposure", *(wide if asked == 3 else [])]
-
-
-@pytest.mark.parametrize(("loss", "kept"), [(900.0, "veiling_glare"), (1100.0, "tone_curve")], ids=["less", "more"])
-def test_another_takes_the_place_where_held_out_captures_lose_less(monkeypatch, loss, kept):
-    """Fails if what fits the fitted captures alone takes a name, or a curve keeps that of a glare."""
-    curve, glare = [(n, library.nulls_of(n)) for n in ("tone_curve", "veiling_glare")]
-    end, other = (SimpleNamespace(state=SimpleNamespace(effects=[e])) for e in (curve, glare))
-    monkeypatch.setattr(joint_way, "exchanged", lambda *_: (other, "veiling_glare", []))
-    monkeypatch.setattr(joint_way, "_standing", lambda search, base, end: standing_with(end.state.effects, loss))
-    twin = standing_with([curve], 1000.0)
-    found, *_ = joint_way._with_exchanges(None, base_twin(), twin, end, {"tone_curve": ["veiling_glare"]})
-    assert found.names == [kept]
-
-
-@pytest.mark.parametrize(
-    ("loss", "moves"), [(900.0, "principal_point"), (990.0, "rolling_shutter")], ids=["less", "as much"]
-)
-def test_corners_change_a_name_only_where_images_agree(monkeypatch, loss, moves):
-    """Fails if corners that others move a little rename what moves points though no capture gains."""
-    shutter, point = [(n, library.nulls_of(n)) for n in ("rolling_shutter", "principal_point")]
-    monkeypatch.setattr(joint_way, "told_beside_the_rest", lambda *_: ([point], None))
-    monkeypatch.setattr(joint_way, "short_fit", lambda *_: "end")
-    monkeypatch.setattr(joint_way, "_standing", lambda *_: standing_with([point], loss))
-    twin = standing_with([shutter], 1000.0)
-    found, _ = joint_way._with_geometry_told_again(
-        None, base_twin(), twin, None, ["rolling_shutter", "principal_point"]
-    )
-    assert found.names == [moves]
-
-
-def standing_with(effects, loss):
-    """Return a StandingTwin of effects that loses so much on held-out captures."""
-    return StandingTwin(tuple(effects), 0.0, {0: loss})
-
-
-def test_what_gave_way_to_a_rival_may_come_back(monkeypatch):
-    """Fails if rounds end as soon as what is missing is an effect whose place a rival took: a noise, say, a sharpening's."""
-    rounds, of = [], {"sensor_noise": "sharpening"}
-
-    def one_round(search, base, here, proposal):
-        rounds.append(proposal.names)
-        kept = [(of.get(n, n) if len(rounds) == 1 else n, {}) for n in proposal.names]
-        return replace(here, effects=(*here.effects, *kept)), "end", {}, set()
-
-    noise = Proposal([("sensor_noise", {})], {"sensor_noise": []})
-    for name, stand_in in {
-        "_round": one_round, "selected": lambda *_, **__: noise, "linear_model": lambda *_: ([], None),
-        "is_at_floor": lambda twin: "sensor_noise" in twin.names, "exchanges": lambda *_: {},
-        "_pruned": lambda search, base, twin, end: (twin, end),
-        "_with_geometry_told_again": lambda search, base, twin, end, names: (twin, end),
-    }.items():  # fmt: skip
-        monkeypatch.setattr(joint_way, name, stand_in)
-    selection = SimpleNamespace(search=SimpleNamespace(), is_spent=lambda: False, progress=None)
-    found, *_ = joint_way._found(selection, base_twin(), base_twin(), ["sensor_noise", "sharpening"], noise)
-    assert found.names == ["sharpening", "sensor_noise"]

@@ -1,0 +1,92 @@
+"""Rounds of many effects: when they go on, and what takes another's place at their end."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+from stand_in_twins import base_twin, standing_with
+
+from effects import library
+from gap import joint_way
+from gap.linear_model import Proposal
+
+
+@pytest.mark.parametrize(
+    ("wide", "asked"), [(["denoising", "sensor_noise"], 3), (["denoising"], 2)], ids=["more", "same"]
+)
+def test_what_cancels_is_proposed_together(monkeypatch, wide, asked):
+    """Fails if rounds end where noise and what smooths it are missing, as neither is worth a round, or ask the same again."""
+    rounds = []
+
+    def one_round(search, base, here, proposal):
+        rounds.append(proposal.names)
+        if proposal.names == ["denoising"]:
+            return None, None, None, None
+        return replace(here, effects=(*here.effects, *proposal.effects)), "end", {}, set()
+
+    def selected(*_, most=None, **__):
+        return of(wide if most else ["denoising"])
+
+    def of(names):
+        return Proposal([(n, library.nulls_of(n)) for n in names], dict.fromkeys(names, []))
+
+    for name, stand_in in {
+        "_round": one_round, "selected": selected, "linear_model": lambda *_: ([], None),
+        "is_at_floor": lambda twin: "sensor_noise" in twin.names, "exchanges": lambda *_: {},
+        "_pruned": lambda search, base, twin, end: (twin, end), 
+        "_with_geometry_told_again": lambda search, base, twin, end, names: (twin, end),
+    }.items():  # fmt: skip
+        monkeypatch.setattr(joint_way, name, stand_in)
+    selection = SimpleNamespace(search=SimpleNamespace(), is_spent=lambda: False, progress=None)
+    found, *_ = joint_way._found(selection, base_twin(), base_twin(), ["denoising", "sensor_noise"], of(["exposure"]))
+    assert len(rounds) == asked and found.names == ["exposure", *(wide if asked == 3 else [])]
+
+
+@pytest.mark.parametrize(("loss", "kept"), [(900.0, "veiling_glare"), (1100.0, "tone_curve")], ids=["less", "more"])
+def test_another_takes_the_place_where_held_out_captures_lose_less(monkeypatch, loss, kept):
+    """Fails if what fits the fitted captures alone takes a name, or a curve keeps that of a glare."""
+    curve, glare = [(n, library.nulls_of(n)) for n in ("tone_curve", "veiling_glare")]
+    end, other = (SimpleNamespace(state=SimpleNamespace(effects=[e])) for e in (curve, glare))
+    monkeypatch.setattr(joint_way, "exchanged", lambda *_: (other, "veiling_glare", []))
+    monkeypatch.setattr(joint_way, "_standing", lambda search, base, end: standing_with(end.state.effects, loss))
+    twin = standing_with([curve], 1000.0)
+    found, *_ = joint_way._with_exchanges(None, base_twin(), twin, end, {"tone_curve": ["veiling_glare"]})
+    assert found.names == [kept]
+
+
+@pytest.mark.parametrize(
+    ("loss", "moves"), [(900.0, "principal_point"), (990.0, "rolling_shutter")], ids=["less", "as much"]
+)
+def test_corners_change_a_name_only_where_images_agree(monkeypatch, loss, moves):
+    """Fails if corners that others move a little rename what moves points though no capture gains."""
+    shutter, point = [(n, library.nulls_of(n)) for n in ("rolling_shutter", "principal_point")]
+    monkeypatch.setattr(joint_way, "told_beside_the_rest", lambda *_: ([point], None))
+    monkeypatch.setattr(joint_way, "short_fit", lambda *_: "end")
+    monkeypatch.setattr(joint_way, "_standing", lambda *_: standing_with([point], loss))
+    twin = standing_with([shutter], 1000.0)
+    found, _ = joint_way._with_geometry_told_again(
+        None, base_twin(), twin, None, ["rolling_shutter", "principal_point"]
+    )
+    assert found.names == [moves]
+
+
+def test_what_gave_way_to_a_rival_may_come_back(monkeypatch):
+    """Fails if rounds end as soon as what is missing is an effect whose place a rival took: a noise, say, a sharpening's."""
+    rounds, of = [], {"sensor_noise": "sharpening"}
+
+    def one_round(search, base, here, proposal):
+        rounds.append(proposal.names)
+        kept = [(of.get(n, n) if len(rounds) == 1 else n, {}) for n in proposal.names]
+        return replace(here, effects=(*here.effects, *kept)), "end", {}, set()
+
+    noise = Proposal([("sensor_noise", {})], {"sensor_noise": []})
+    for name, stand_in in {
+        "_round": one_round, "selected": lambda *_, **__: noise, "linear_model": lambda *_: ([], None),
+        "is_at_floor": lambda twin: "sensor_noise" in twin.names, "exchanges": lambda *_: {},
+        "_pruned": lambda search, base, twin, end: (twin, end),
+        "_with_geometry_told_again": lambda search, base, twin, end, names: (twin, end),
+    }.items():  # fmt: skip
+        monkeypatch.setattr(joint_way, name, stand_in)
+    selection = SimpleNamespace(search=SimpleNamespace(), is_spent=lambda: False, progress=None)
+    found, *_ = joint_way._found(selection, base_twin(), base_twin(), ["sensor_noise", "sharpening"], noise)
+    assert found.names == ["sharpening", "sensor_noise"]
