@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 from effects import library
 from gap.changes import MAX_GROUP, MAX_P, MIN_CAPTURES
 from gap.parameters import spec
-from gap.permutation import MOST_LABELLINGS
+from gap.permutation import labellings
 from gap.signature import NOISE, OF_CODEC, OF_LIGHT, SIGNS
 from job import seed_of
 
@@ -90,7 +90,7 @@ def compared(before, after, seed, poses=None, uncounted=()):
     What signs follow of the photographs' ``poses`` (both sets', m), if given, is regressed out, and permuted is what is left.
     Source: D. Freedman and D. Lane, "A nonstochastic interpretation of reported significance levels" (1983).
     """
-    every, belongs = np.concatenate([before, after]), np.repeat([0.0, 1.0], [len(before), len(after)])
+    every, belongs = np.concatenate([before, after]), np.repeat([0, 1], [len(before), len(after)])
     shown = np.isfinite(every)
     showing = np.minimum(*(shown[belongs == k].mean(0) for k in (0, 1)))
     counted = np.flatnonzero((showing >= MIN_SHOWING) & ~np.isin(SIGNS, uncounted))
@@ -99,13 +99,19 @@ def compared(before, after, seed, poses=None, uncounted=()):
         own = belongs == k
         values[own] = np.where(np.isfinite(values[own]), values[own], np.nanmedian(values[own], axis=0))
     left_of = residual_maker(np.zeros((len(every), 0)) if poses is None else poses)
-    values, rng = left_of @ values, np.random.default_rng(seed)
-    orders = [np.arange(len(every)), *(rng.permutation(len(every)) for _ in range(MOST_LABELLINGS - 1))]
-    found = [_statistic(values[order], belongs, left_of) for order in orders]
+    values = left_of @ values
+    found = [_statistic(values[order], belongs, left_of) for order in orders(belongs, np.random.default_rng(seed))]
     _, t, whitener, error = found[0]
     evidence = np.array([f[0] for f in found])
     evidence = ((evidence - evidence.mean(0)) / np.maximum(evidence.std(0), 1e-12)).max(1)
     return Compared(counted, t, whitener, float((evidence >= evidence[0] - 1e-9).mean()), error)
+
+
+def orders(belongs, rng):
+    """Return orders (m lists of n) of captures, the given one first: each division between the sets once, within by ``rng``."""
+    divisions = labellings(belongs, rng)[1:]
+    drawn = [np.concatenate([rng.permutation(np.flatnonzero(labels == k)) for k in (0, 1)]) for labels in divisions]
+    return [np.arange(len(belongs)), *drawn]
 
 
 def residual_maker(regressors):

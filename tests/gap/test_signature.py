@@ -186,6 +186,15 @@ def test_what_follows_the_boards_distance_hides_no_change():
     assert compared(signs[:8], signs[8:], 0, poses).p < 0.01
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_five_photographs_of_each_set_show_a_large_change(seed):
+    """Fails if divisions are drawn more than once: of 252 the given one and its mirror image would by chance be more than 1 %."""
+    rng = np.random.default_rng(seed)
+    signs, poses = rng.normal(size=(10, len(SIGNS))), rng.normal(size=(10, 3))
+    signs[5:] += 20
+    assert compared(signs[:5], signs[5:], seed, poses).p <= 2 / 252
+
+
 def test_where_nothing_changed_a_pose_makes_no_change():
     """Fails if what regression leaves is more alike within the sets than between them: more than one in ten are chance."""
     rng = np.random.default_rng(6)
