@@ -14,17 +14,17 @@ MAX_DIRECTIONS = 24  # of one effect's parameters: a free warp's are more than c
 RIDGE = 1e-4  # of an effect's information in its own units: what no capture tells stays where it is
 
 
-def labellings(belongs, rng):
+def labellings(belongs, rng, most=MOST_LABELLINGS):
     """Return labels (m, n), 0 or 1, of captures: every way to divide them alike where these are few, the given one first.
 
-    Else the given one and others drawn by ``rng``, ``MOST_LABELLINGS`` in all.
+    Else the given one and others drawn by ``rng``, ``most`` in all.
     """
     n, ones = len(belongs), int(belongs.sum())
-    if math.comb(n, ones) <= MOST_LABELLINGS:
+    if math.comb(n, ones) <= most:
         ways = itertools.combinations(range(n), ones)
         every = np.array([np.isin(np.arange(n), way) for way in ways], int)
         return np.concatenate([belongs[None], every[(every != belongs).any(1)]])
-    drawn = [rng.permutation(belongs) for _ in range(MOST_LABELLINGS - 1)]
+    drawn = [rng.permutation(belongs) for _ in range(most - 1)]
     return np.array([belongs, *drawn], int)
 
 

@@ -188,7 +188,7 @@ def test_what_follows_the_boards_distance_hides_no_change():
 
 @pytest.mark.parametrize("seed", range(8))
 def test_five_photographs_of_each_set_show_a_large_change(seed):
-    """Fails if divisions are drawn more than once: of 252 the given one and its mirror image would by chance be more than 1 %."""
+    """Fails if of 252 divisions more than the given one and its mirror image are as telling: five and five would never differ."""
     rng = np.random.default_rng(seed)
     signs, poses = rng.normal(size=(10, len(SIGNS))), rng.normal(size=(10, 3))
     signs[5:] += 20
