@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gap.normal_equations import errors_of, normal_equations, without_pose
+from gap.normal_equations import errors_of, normal_equations, step_within, without_pose
 from gap.parameters import bounds_of, fitted_parameters, get_parameter, is_geometric, priors_of, with_parameters
 from gap.residuals import NU, flatten, total, width_of
 
@@ -126,7 +126,7 @@ class JointFit:
         slots = Slots(free, twin.changed)
         parameters = slots.parameters()
         null, precision = ridge_of(parameters)
-        lower, upper = bounds_of(parameters)
+        bounds = bounds_of(parameters)
         width, damping, derivatives = width_of(twin.groups), 1e-4, None
         for _ in range(ITERATIONS):
             theta, nu = slots.values(twin.effects), NU * width**2
@@ -137,11 +137,7 @@ class JointFit:
             )
             new = None
             for _ in range(MAX_DAMPINGS):
-                d = np.linalg.solve(H + np.diag(np.diag(H) * damping + 1e-12), g) if len(g) else g
-                d = np.clip(theta + d, lower, upper) - theta
-                poses = twin.poses.copy()
-                for i, A, b, C in blocks:
-                    poses[i] = poses[i] + np.linalg.solve(A, b - C @ d)
+                d, poses = step_within(bounds, theta, H, g, blocks, twin.poses, damping)
                 trial = self.twin(slots.with_values(twin.effects, theta + d), twin.changed, poses)
                 trial_loss = total(trial.groups, nu) + (precision * (theta + d - null) ** 2).sum()
                 if trial_loss <= loss:

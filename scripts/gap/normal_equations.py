@@ -24,6 +24,19 @@ def normal_equations(derivatives, groups, nu, prior):
     return H, g, blocks
 
 
+def step_within(bounds, theta, H, g, blocks, poses, damping):
+    """Return (step (k,) of parameters theta within their bounds (lower, upper), poses (n, 6) that go along).
+
+    ``blocks`` are those of ``normal_equations``; ``damping`` adds its share of H's diagonal (Levenberg and Marquardt).
+    """
+    d = np.linalg.solve(H + np.diag(np.diag(H) * damping + 1e-12), g) if len(g) else np.zeros(0)
+    d = np.clip(theta + d, *bounds) - theta
+    poses = poses.copy()
+    for i, A, b, C in blocks:
+        poses[i] = poses[i] + np.linalg.solve(A, b - C @ d)
+    return d, poses
+
+
 def gains_of_step(d, derivatives, groups, blocks, nu):
     """Return the loss (groups,) in the order of GROUPS that a step d (k,) gains to second order, each pose going along.
 

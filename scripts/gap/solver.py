@@ -13,7 +13,7 @@ import numpy as np
 
 from gap.derivatives import Derivatives, flat
 from gap.evidence import evidence_of
-from gap.normal_equations import errors_of, normal_equations, updated
+from gap.normal_equations import errors_of, normal_equations, step_within, updated
 from gap.parameters import (
     bounds_of,
     get_parameter,
@@ -27,6 +27,7 @@ from gap.residuals import NU, Whitener, total, width_of
 
 STILL_FAR = 0.1  # share of its loss above which a step says that the next one gains as well
 OLDEST_DERIVATIVES = 3  # steps that derivatives serve
+FIRST_DAMPING = 1e-4  # share of the precisions' diagonal that a step adds to it
 STALE_STEPS = 4  # at most, with derivatives of another list of effects
 POSE_STEPS = 25  # at most: a mount that was found askew turns held-out cameras by a degree
 DRAWN_AGAIN, NEAR_PX = 3, 0.05  # times that held-out images are drawn, move of corners that is followed without
@@ -118,7 +119,7 @@ class Solver:
         """
         theta = np.array([get_parameter(effects, f) for f in free])
         null, precision = priors_of(free)
-        lower, upper = bounds_of(free)
+        bounds = bounds_of(free)
         damping, best = 1e-6, np.inf
         for _ in range(iterations):
             current = with_parameters(effects, free, theta)
@@ -128,13 +129,7 @@ class Solver:
                 H_i, g_i, block, loss_i = self._corner_equations(i, current, free, poses[i], offsets[i], nu)
                 H, g, loss = H + H_i, g + g_i, loss + loss_i
                 blocks.append((i, *block))
-            d = np.zeros(len(free))
-            if len(free):
-                d = np.linalg.solve(H + np.diag(np.diag(H) * damping + 1e-12), g)
-                d = np.clip(theta + d, lower, upper) - theta
-            poses = poses.copy()
-            for i, A, b, C in blocks:
-                poses[i] += np.linalg.solve(A, b - C @ d)
+            d, poses = step_within(bounds, theta, H, g, blocks, poses, damping)
             theta = theta + d
             if scale <= 1.0 and abs(best - loss) < 1e-4 * max(loss, 1):
                 break
@@ -261,17 +256,14 @@ class Solver:
         """
         mine = [end.free.index(f) for f in free]
         derivatives = {i: (Jt[:, mine], Jp) for i, (Jt, Jp) in end.derivatives.items()}
-        poses, lower_upper = end.state.poses, bounds_of(free)
+        poses = end.state.poses
         groups = self.residuals_of(effects, poses, list(derivatives))
         for _ in range(iterations):
             theta = np.array([get_parameter(effects, f) for f in free])
             width = width_of(groups)
             H, g, blocks = normal_equations(derivatives, groups, NU * width**2, prior_equations(effects, free))
-            d = np.linalg.solve(H + np.diag(np.diag(H) * 1e-4 + 1e-12), g)
-            d = np.clip(theta + d, *lower_upper) - theta
-            trial, moved = with_parameters(effects, free, theta + d), poses.copy()
-            for i, A, b, C in blocks:
-                moved[i] = poses[i] + np.linalg.solve(A, b - C @ d)
+            d, moved = step_within(bounds_of(free), theta, H, g, blocks, poses, FIRST_DAMPING)
+            trial = with_parameters(effects, free, theta + d)
             after = self.residuals_of(trial, moved, list(derivatives))
             if total(after, NU) > total(groups, NU) - 1:
                 break
@@ -285,8 +277,7 @@ class Solver:
         groups = self.residuals_of(effects, poses, train)
         width = width_of(groups) if free else 1.0
         converged, derivatives = not free, {}
-        lower, upper = bounds_of(free)
-        damping, age = 1e-4, OLDEST_DERIVATIVES
+        damping, age = FIRST_DAMPING, OLDEST_DERIVATIVES
         for _ in range(iterations):
             theta = np.array([get_parameter(effects, f) for f in free])
             nu = NU * width**2
@@ -296,11 +287,7 @@ class Solver:
             H, g, blocks = normal_equations(derivatives, groups, nu, prior_equations(effects, free))
             accepted = False
             for _ in range(1 if age else 4):
-                d = np.linalg.solve(H + np.diag(np.diag(H) * damping + 1e-12), g) if free else np.zeros(0)
-                d = np.clip(theta + d, lower, upper) - theta
-                trial_poses = poses.copy()
-                for i, A, b, C in blocks:
-                    trial_poses[i] = poses[i] + np.linalg.solve(A, b - C @ d)
+                d, trial_poses = step_within(bounds_of(free), theta, H, g, blocks, poses, damping)
                 trial = with_parameters(effects, free, theta + d)
                 trial_groups = self.residuals_of(trial, trial_poses, train)
                 trial_loss = total(trial_groups, nu) + prior_loss(free, theta + d)

@@ -11,6 +11,19 @@ from gap import joint_way
 from gap.linear_model import Proposal
 
 
+def found_in_rounds(monkeypatch, one_round, selected, first):
+    """Return the Twin that rounds end with, from a first Proposal until sensor noise is in; nothing is fitted or taken out."""
+    for name, stand_in in {
+        "_round": one_round, "selected": selected, "linear_model": lambda *_: ([], None),
+        "is_at_floor": lambda twin: "sensor_noise" in twin.names, "exchanges": lambda *_: {},
+        "_pruned": lambda search, base, twin, end: (twin, end),
+        "_with_geometry_told_again": lambda search, base, twin, end, names: (twin, end),
+    }.items():  # fmt: skip
+        monkeypatch.setattr(joint_way, name, stand_in)
+    selection = SimpleNamespace(search=SimpleNamespace(), is_spent=lambda: False, progress=None)
+    return joint_way._found(selection, base_twin(), base_twin(), ["denoising", "sensor_noise", "sharpening"], first)[0]
+
+
 @pytest.mark.parametrize(
     ("wide", "asked"), [(["denoising", "sensor_noise"], 3), (["denoising"], 2)], ids=["more", "same"]
 )
@@ -30,15 +43,7 @@ def test_what_cancels_is_proposed_together(monkeypatch, wide, asked):
     def of(names):
         return Proposal([(n, library.nulls_of(n)) for n in names], dict.fromkeys(names, []))
 
-    for name, stand_in in {
-        "_round": one_round, "selected": selected, "linear_model": lambda *_: ([], None),
-        "is_at_floor": lambda twin: "sensor_noise" in twin.names, "exchanges": lambda *_: {},
-        "_pruned": lambda search, base, twin, end: (twin, end), 
-        "_with_geometry_told_again": lambda search, base, twin, end, names: (twin, end),
-    }.items():  # fmt: skip
-        monkeypatch.setattr(joint_way, name, stand_in)
-    selection = SimpleNamespace(search=SimpleNamespace(), is_spent=lambda: False, progress=None)
-    found, *_ = joint_way._found(selection, base_twin(), base_twin(), ["denoising", "sensor_noise"], of(["exposure"]))
+    found = found_in_rounds(monkeypatch, one_round, selected, of(["exposure"]))
     assert len(rounds) == asked and found.names == ["exposure", *(wide if asked == 3 else [])]
 
 
@@ -80,13 +85,5 @@ def test_what_gave_way_to_a_rival_may_come_back(monkeypatch):
         return replace(here, effects=(*here.effects, *kept)), "end", {}, set()
 
     noise = Proposal([("sensor_noise", {})], {"sensor_noise": []})
-    for name, stand_in in {
-        "_round": one_round, "selected": lambda *_, **__: noise, "linear_model": lambda *_: ([], None),
-        "is_at_floor": lambda twin: "sensor_noise" in twin.names, "exchanges": lambda *_: {},
-        "_pruned": lambda search, base, twin, end: (twin, end),
-        "_with_geometry_told_again": lambda search, base, twin, end, names: (twin, end),
-    }.items():  # fmt: skip
-        monkeypatch.setattr(joint_way, name, stand_in)
-    selection = SimpleNamespace(search=SimpleNamespace(), is_spent=lambda: False, progress=None)
-    found, *_ = joint_way._found(selection, base_twin(), base_twin(), ["sensor_noise", "sharpening"], noise)
+    found = found_in_rounds(monkeypatch, one_round, lambda *_, **__: noise, noise)
     assert found.names == ["sharpening", "sensor_noise"]

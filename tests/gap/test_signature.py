@@ -218,7 +218,7 @@ def test_a_blur_along_a_line_shows_its_direction(before, dx, dy):
 
 def test_noise_is_no_sharpness(before):
     """Fails if what flats differ by counts as edges that are sharper."""
-    noise = ("sensor_noise", library.nulls_of("sensor_noise") | {"read_noise_dn": 1.0})
+    noise = ("sensor_noise", library.nulls_of("sensor_noise") | {"read_noise_dn": 3.0})
     after, plain = (before[0].signature(laid, np.random.default_rng(0)) for laid in ([noise], []))
     change = dict(zip(SIGNS, after - plain, strict=True))
     assert change["noise_black"] > 1 and max(abs(change[name]) for name in ("fine_x", "fine_y", "fine_turn")) < 0.06
