@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from effects import library
 from effects.base import View
 from gap.board import board_case, local_noise_px
 from gap.measure.capture import Codes, Observation, read_rgb
@@ -28,6 +29,7 @@ from rig.geometry import camera_matrix, make_pose, perturb_pose
 from rig.patches import board_patches
 
 MIN_PATCHES, PATCHES = 4, 6  # of a photograph, that say something of it; that its signature is measured in
+SIGMA_OWN = 1.0  # of a capture's own exposure, gains and slopes of light (1/m) about their null
 OBSERVED = (
     "features",
     "information",
@@ -52,8 +54,10 @@ def load_case(expand, register_json, camera):
     lut = encoding_table(views[0].encoding, views[0].exposure)
     codes = Codes.of(scene.plates, [scene.white, scene.black, scene.ground], lut)
     made = [Capture(view, int(trial)) for view, trial in zip(views, captures.trial, strict=True)]
-    case = Case(facts["name"], camera, scene, codes, made, prior_of(facts["tolerance"]))
-    return case, captures
+    own = tuple(library.own_where_open(facts["left_open"]))
+    sigma_pose = np.concatenate([prior_of(facts["tolerance"]), np.full(len(own), SIGMA_OWN)])
+    nuisances = tuple((n, library.nulls_of(n)) for n in library.shared_where_open(facts["left_open"]))
+    return Case(facts["name"], camera, scene, codes, made, sigma_pose, own, nuisances), captures
 
 
 def load_views(expand, register_json, camera):

@@ -45,6 +45,8 @@ MAX_PLACES, MAX_LEFT = 8, 5
 IN_THE_TWIN = "in the twin already"
 ONLY_POINTS = "a board's own size and mount, and light that is not declared, cannot be told from its photographs"
 OF_BOARDS = "only photographs of a calibration board leave it open: a rig's numbers are declared"
+OPEN_TO_EACH = "the campaign leaves it open: each capture has its own, which is fitted"
+OPEN_TO_ALL = "the campaign leaves it open: it is fitted, alike in all captures"
 WITH_ALL = "intrinsics are unknown: fitted with everything"
 
 
@@ -162,6 +164,8 @@ def diagnose_camera(
         "suggested_station": suggestion(case, outcome.steps) if case.draws else None,
         "held_out": [case.captures[i].view.capture for i in search.test],
     } | verdict_record(base, first, outcome, nuisances)
+    if case.own:
+        result["own"] = own_record(case, twin, everything)
     if nuisances:
         result["nuisances"] = {n: p for n, p in twin.effects if n in nuisances}
     images = _images(expand, campaign, camera, case, search.test) if case.draws else {}
@@ -191,6 +195,12 @@ def diagnose_camera(
         write_example(search.solver, worst, images[worst], (base, twin), out_gaps)
     told = camera, result["verdict"], result["gap_as_configured"], result["gap"]
     log.info("%s: %s; gap %.2f -> %.2f floors", *told)
+
+
+def own_record(case, twin, indices):
+    """Return {"effect parameter": {capture: value}} of the captures' own numbers, where the campaign leaves them open."""
+    seen = {case.captures[i].view.capture: dict(case.seen_with(twin.effects, twin.poses[i])) for i in indices}
+    return {f"{name} {key}": {c: effects[name][key] for c, effects in seen.items()} for name, key in case.own}
 
 
 def telling_record(steps, hidden, alike, needs):
@@ -244,7 +254,8 @@ def looked_at(case, candidates):
     """Return (names of the candidates that can compete, {name: why it does not} of the others)."""
     if not case.is_board:
         why = {n: OF_BOARDS for n in candidates if library.is_of_boards(n)}
-        return [n for n in candidates if n not in why], why
+        why |= dict.fromkeys(dict(case.nuisances), OPEN_TO_ALL) | dict.fromkeys(dict(case.own), OPEN_TO_EACH)
+        return [n for n in candidates if n not in why], {n: w for n, w in why.items() if n in candidates}
     seen = seen_by_points(candidates)
     fitted = {n for n in seen if case.nuisances and scales_alone(n)}
     why = {n: WITH_ALL if n in fitted else ONLY_POINTS for n in candidates if n not in seen or n in fitted}

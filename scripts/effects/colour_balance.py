@@ -11,6 +11,7 @@ from effects.encoding import decode, encode
 STAGE, ORDER = "processing", 10
 AFFECTS = "intensity"
 MAKES_COLOUR = True
+OWN_WHERE_OPEN = {"white_balance": ("red_gain", "blue_gain")}
 PARAMETERS = {
     "red_gain": Parameter(unit="1", lower=0.3, upper=3.0, null=1.0, matters=0.005, doc="gain of red over green's"),
     "blue_gain": Parameter(unit="1", lower=0.3, upper=3.0, null=1.0, matters=0.005, doc="gain of blue over green's"),

@@ -9,6 +9,7 @@ import pkgutil
 import effects
 from effects.base import AFFECTED, PLACE, STAGES, Parameter
 from rig.errors import InputError
+from rig.light import LEFT_OPEN
 
 SHARED_MODULES = (
     "base",
@@ -38,7 +39,16 @@ HOOKS = {  # functions that an effect may have, with their parameters
     "declared_by": ("facts",),
 }
 NEEDED = ("STAGE", "ORDER", "AFFECTS", "PARAMETERS")
-OPTIONAL = ("STARTS", "CHROMATIC", "MAKES_COLOUR", "MIXES_CHANNELS", "NEEDS_REPEATS", "ONLY_BOARDS")
+OPTIONAL = (
+    "STARTS",
+    "CHROMATIC",
+    "MAKES_COLOUR",
+    "MIXES_CHANNELS",
+    "NEEDS_REPEATS",
+    "ONLY_BOARDS",
+    "OWN_WHERE_OPEN",
+    "SHARED_WHERE_OPEN",
+)
 ALIKE = 0.82  # difflib's ratio from which a name is taken for a misspelt one; spread_px and spread have 0.80
 
 
@@ -81,6 +91,7 @@ def _check_contract(module):
     _check_hooks(module)
     _check_parameters(module)
     _check_starts(module)
+    _check_left_open(module)
 
 
 def _check_names(module):
@@ -145,3 +156,15 @@ def _check_starts(module):
             p = module.PARAMETERS[key]
             if not p.lower <= value <= p.upper:
                 raise InputError(f"STARTS: {key} is {value}; it must lie in [{p.lower}, {p.upper}]")
+
+
+def _check_left_open(module):
+    own, shared = getattr(module, "OWN_WHERE_OPEN", {}), getattr(module, "SHARED_WHERE_OPEN", ())
+    if not isinstance(own, dict) or not isinstance(shared, tuple) or not {*own, *shared} <= LEFT_OPEN.keys():
+        raise InputError(
+            "OWN_WHERE_OPEN must be a dict, SHARED_WHERE_OPEN a tuple, of what a campaign may leave open: "
+            f"{', '.join(LEFT_OPEN)}"
+        )
+    unknown = sorted({key for keys in own.values() for key in keys} - module.PARAMETERS.keys())
+    if unknown:
+        raise InputError(f"OWN_WHERE_OPEN: no parameter {unknown[0]!r}; there are {', '.join(module.PARAMETERS)}")

@@ -9,6 +9,7 @@ from effects.base import Parameter
 
 STAGE, ORDER = "scene", 60
 AFFECTS = "intensity"
+OWN_WHERE_OPEN = {"light": ("gradient_x", "gradient_y")}
 PARAMETERS = {
     "gradient_x": Parameter(
         unit="1/m", lower=-2.0, upper=2.0, null=0.0, matters=0.01, doc="relative change of light per metre to the right"

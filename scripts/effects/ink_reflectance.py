@@ -7,6 +7,7 @@ from effects.base import Parameter
 
 STAGE, ORDER = "scene", 50
 AFFECTS = "intensity"
+SHARED_WHERE_OPEN = ("reflectance",)
 PARAMETERS = {
     "white_change": Parameter(
         unit="1", lower=-0.6, upper=0.6, null=0.0, matters=0.005, doc="reflectance of white minus the nominal one"

@@ -100,6 +100,19 @@ def is_of_boards(name):
     return getattr(effect_named(name), "ONLY_BOARDS", False)
 
 
+def own_where_open(left_open):
+    """Return [(effect, parameter)] that each capture has for itself where a campaign leaves some things open."""
+    found = [(n, getattr(module, "OWN_WHERE_OPEN", {})) for n, module in available_effects().items()]
+    return [(n, key) for n, own in found for what in left_open for key in own.get(what, ())]
+
+
+def shared_where_open(left_open):
+    """Return the names of effects that all captures alike have where a campaign leaves some things open, and none for itself."""
+    own = dict(own_where_open(left_open))
+    found = [(n, getattr(module, "SHARED_WHERE_OPEN", ())) for n, module in available_effects().items()]
+    return [n for n, shared in found if n not in own and set(shared) & set(left_open)]
+
+
 def is_of_lens(name):
     """Return whether an effect is the lens's, and moves points."""
     return effect_named(name).STAGE == "lens" and is_pure_geometry(name)

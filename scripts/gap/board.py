@@ -34,7 +34,6 @@ class BoardCase(Case):
     """
 
     points: np.ndarray = None
-    nuisances: tuple = ()
     noise_px: float = None  # standard deviation of a point's x and y: the floor
     is_board = True
     corner_numbers = 2

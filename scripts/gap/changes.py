@@ -170,7 +170,7 @@ def able_to_change(problem, candidates):
     """Return those of some effects whose change a problem's captures can show."""
     if problem.is_board:
         return seen_by_points(candidates)
-    return [n for n in candidates if not library.is_of_boards(n)]
+    return [n for n in candidates if problem.may_have(n)]
 
 
 def common_twin(fit, problem, effects, names):

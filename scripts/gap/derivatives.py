@@ -41,12 +41,23 @@ class Derivatives:
         return np.clip(self.whiteners[i].whitened(change), -LONGEST_WAY, LONGEST_WAY)
 
     def by_pose(self, i, effects, pose):
-        """Return d (twin, whitened) / d pose (n, 6) of capture i."""
+        """Return d (twin, whitened) / d pose and own numbers (n, 6 + k) of capture i."""
         states = [self._states(i, effects, pose + s * step) for step in steps_of(pose) for s in (1, -1)]
         columns = [(high - low) / (2 * h) for high, low, h in zip(states[::2], states[1::2], POSE_STEP, strict=True)]
         J = self._whitened_states(i, effects, pose, np.stack(columns, axis=-1))
+        if self.problem.own:
+            J = np.hstack([J, *(self._by_own(i, effects, pose, k)[:, None] for k in range(len(self.problem.own)))])
         J[-len(pose) :] = -np.diag(np.sqrt(self.prior))
         return J
+
+    def _by_own(self, i, effects, pose, k):
+        """Return d (twin, whitened) / d own number k (n,) of capture i, by images."""
+        own = self.problem.own[k]
+        h = image_step(own, get_parameter(self.problem.seen_with(effects, pose), own))
+        moved = pose + h * np.eye(len(pose))[N_POSE + k]
+        by_response = len(self.problem.own) > FEW_COLUMNS
+        change = self.predictor.shown(i, effects, pose).change(effects, by_response, moved)
+        return np.clip(self.whiteners[i].whitened(change) / h, -LARGEST, LARGEST)
 
     def corners_by_pose(self, i, effects, pose):
         """Return d corners / d pose (p, 8 of a plate, 6) of the plates that were measured in capture i."""

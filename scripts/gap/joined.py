@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from gap.board import BoardCase
+from rig.geometry import N_POSE
 
 SETS = ("before", "after")  # what prefixes the captures' names: two sets may use the same ones
 
@@ -23,8 +24,21 @@ def joined(before, after):
                 name = f"{SETS[k]}/{capture.view.capture}"
                 captures.append(replace(capture, view=replace(capture.view, capture=name)))
                 belongs.append(k)
-    sigma_pose = np.maximum(before.sigma_pose, after.sigma_pose)
-    return replace(before, captures=captures, sigma_pose=sigma_pose), np.array(belongs)
+    before = _with_open(before, after)
+    return replace(before, captures=captures), np.array(belongs)
+
+
+def _with_open(problem, other):
+    """Return a problem in which all that it or another leaves open is open, and of poses the wider prior holds."""
+    own = dict.fromkeys([*problem.own, *other.own])
+    sigmas = [dict(zip(p.own, p.sigma_pose[N_POSE:], strict=True)) for p in (other, problem)]
+    of_own = [(sigmas[0] | sigmas[1])[key] for key in own]
+    sigma_pose = np.maximum(problem.sigma_pose[:N_POSE], other.sigma_pose[:N_POSE])
+    alone = {name for name, _ in own}
+    nuisances = {n: p for n, p in (*problem.nuisances, *other.nuisances) if n not in alone}
+    return replace(
+        problem, own=tuple(own), sigma_pose=np.concatenate([sigma_pose, of_own]), nuisances=tuple(nuisances.items())
+    )
 
 
 def on_the_same_points(*problems):

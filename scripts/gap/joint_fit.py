@@ -83,7 +83,7 @@ class JointFit:
 
     def start(self, effects, poses=None):
         """Return the JointTwin of effects that both sets share, fitted to points alone; nothing changed."""
-        poses = np.zeros((len(self.belongs), 6)) if poses is None else poses
+        poses = self.solver.problem.start_poses() if poses is None else poses
         geometric = [f for f in fitted_parameters(effects) if is_geometric(f)]
         effects, poses = self.solver.fit_geometry(
             list(effects), geometric, poses, self.solver.no_offsets(), self.indices, SCALE_FROM_AFAR, ITERATIONS

@@ -33,7 +33,8 @@ def step_within(bounds, theta, H, g, blocks, poses, damping):
     d = np.clip(theta + d, *bounds) - theta
     poses = poses.copy()
     for i, A, b, C in blocks:
-        poses[i] = poses[i] + np.linalg.solve(A, b - C @ d)
+        move = np.linalg.solve(A, b - C @ d)
+        poses[i, : len(move)] += move
     return d, poses
 
 

@@ -11,6 +11,7 @@ from gap.measure.capture import COARSE_TO_FINE, Codes, classify_flats, grey_of, 
 from gap.measure.places import FARTHEST_FOLLOWED_PX, agreeing, follow_neighbours, large_enough
 from gap.measure.plate import STATE_FEATURES
 from gap.measure.regions import choose_regions
+from gap.parameters import spec
 from gap.predict.predictor import Predictor
 from gap.predict.synthesis import Prints, coverages, ground_points, is_lit, shade
 from gap.score import floors_of
@@ -59,8 +60,9 @@ class Capture:
 class Case:
     """All captures of one camera, with the nominal scene.
 
-    sigma_pose (6,): prior standard deviations of a capture's pose about its nominal one (rad, rad, rad, m, m, m),
-    infinite where nothing is known.
+    sigma_pose (6 + k,): prior standard deviations of a capture's pose about its nominal one (rad, rad, rad, m, m, m),
+    infinite where nothing is known, and of its k ``own`` numbers [(effect, parameter)] about their null: what the campaign
+    leaves open. ``nuisances`` are effects [(name, parameters)] that every twin has: fitted, never named nor taken out.
     """
 
     campaign: str
@@ -69,9 +71,10 @@ class Case:
     codes: Codes
     captures: list
     sigma_pose: np.ndarray
+    own: tuple = ()
+    nuisances: tuple = ()
     corner_numbers = 8  # of a plate: x and y of its code's corners, the first of its states and features
     state_features = STATE_FEATURES
-    nuisances = ()  # effects [(name, parameters)] that every twin has: fitted, never named nor taken out
     most_captures = most_held_out = MOST_CAPTURES  # that are fitted, that are held out
     draws = True  # images of its captures, which is what takes time
     is_board = False  # photographs of a calibration board, not of a rig
@@ -97,12 +100,16 @@ class Case:
         return [library.nulls_of(effect) | shown] if shown else library.starts_of(effect)
 
     def start_poses(self):
-        """Return the poses (captures, 6) from which a fit starts: the nominal ones."""
+        """Return the poses (captures, 6 + k) from which a fit starts: the nominal ones, own numbers at their null."""
         return np.zeros((len(self.captures), len(self.sigma_pose)))
 
     def floors_of(self, groups):
         """Return {group: floor} of captures' residual groups: how far repeats lie apart."""
         return floors_of(self, groups)
+
+    def may_have(self, name):
+        """Return whether an effect can compete: none does that each capture has for itself, nor a board's in a rig's."""
+        return name not in dict(self.own) and (self.is_board or not library.is_of_boards(name))
 
     # -- geometry ---------------------------------------------------------------------------------------------
 
@@ -171,8 +178,18 @@ class Case:
 
     # -- images -----------------------------------------------------------------------------------------------
 
+    def seen_with(self, effects, delta):
+        """Return the effects with which a capture is seen whose pose and own numbers are delta (6 + k,)."""
+        own = {}
+        for (name, key), move in zip(self.own, delta[N_POSE:], strict=False):
+            p = spec((name, key))
+            values = own.setdefault(name, library.nulls_of(name) | dict(dict(effects).get(name, {})))
+            values[key] = float(np.clip(p.null + move, p.lower, p.upper))
+        return [*(e for e in effects if e[0] not in own), *own.items()] if own else effects
+
     def radiance_of(self, capture, effects, delta):
         """Return the linear radiance (H + 2m, W + 2m, C) of the twin, exact coverage: points where they land, light spread."""
+        effects = self.seen_with(effects, delta)
         view = self.view_of(capture, effects, delta)
         scene, prints, _ = self.scene_of(effects)
         channels = (0, 1, 2) if pipeline.is_chromatic(effects) else (1,)
@@ -201,6 +218,7 @@ class Case:
 
     def image_of(self, radiance, capture, effects, delta, rng=None):
         """Return the twin's grey levels (H, W, C): expected where ``rng`` is None, else as a camera gives them."""
+        effects = self.seen_with(effects, delta)
         view = self.view_of(capture, effects, delta)
         left = pipeline.left_to_apply(effects)
         if rng is None:

@@ -2,8 +2,6 @@
 
 import numpy as np
 
-from rig.geometry import N_POSE
-
 NU = 8.0  # robust log(1 + y^2 / nu): quadratic for noise, forgiving for a bad plate
 # Standard deviations below which no difference counts: synthesis against an ideal camera's image
 FEATURE_FLOOR = np.array([0.006] * 8 + [0.15] * 3 + [0.15] * 2 + [0.012] * 3 + [0.004, 0.005, 0.006])
@@ -35,8 +33,8 @@ RHO_NOISE = rho_of_noise()
 class Whitener:
     """What turns one capture's residuals into unit-variance ones; made once from the real observation."""
 
-    def __init__(self, capture, with_noise):
-        o = capture.observation
+    def __init__(self, capture, with_noise, n_pose):
+        o, self.n_pose = capture.observation, n_pose
         self.plates = np.flatnonzero(o.measured)
         s2 = capture.noise_variance
         info = o.information[self.plates]
@@ -60,7 +58,7 @@ class Whitener:
     @property
     def size(self):
         """The number of all residuals of the capture."""
-        rest = self.colour_sd.size + len(self.field_sd) + (len(self.noise_sd) if self.with_noise else 0) + N_POSE
+        rest = self.colour_sd.size + len(self.field_sd) + (len(self.noise_sd) if self.with_noise else 0) + self.n_pose
         return len(self.plates) * len(self.floor) + rest
 
     def residuals(self, observation, prediction):
@@ -87,7 +85,7 @@ class Whitener:
         out = _by_group(y, change.colour[k] / self.colour_sd, np.nan_to_num(change.field[self.cells] / self.field_sd))
         if change.noise is not None:
             out["noise"] = np.nan_to_num(change.noise / self.noise_sd)
-        return flatten(out | {"pose": np.zeros(N_POSE)})
+        return flatten(out | {"pose": np.zeros(self.n_pose)})
 
     def whitened_features(self, change):
         """Return what ``whitened`` does (n, m) where plates' features change by (plates that were measured, 19, m) alone."""

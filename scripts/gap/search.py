@@ -49,8 +49,7 @@ class Search:
         self.train = thinned(usable(train, problem), problem.most_captures)
         self.test = thinned(usable(test, problem), problem.most_held_out)
         self.solver = problem.solver(probes(self.train) + probes(self.test), threads)
-        names = candidates or library.available_effects()
-        self.candidates = [n for n in names if problem.is_board or not library.is_of_boards(n)]
+        self.candidates = [n for n in candidates or library.available_effects() if problem.may_have(n)]
         self.fixed = frozenset(fixed)
         self._of_starts, self._prepared = {}, (None, None, None)
 

@@ -24,12 +24,14 @@ from gap.parameters import (
     with_parameters,
 )
 from gap.residuals import NU, Whitener, total, width_of
+from rig.geometry import N_POSE
 
 STILL_FAR = 0.1  # share of its loss above which a step says that the next one gains as well
 OLDEST_DERIVATIVES = 3  # steps that derivatives serve
 FIRST_DAMPING = 1e-4  # share of the precisions' diagonal that a step adds to it
 STALE_STEPS = 4  # at most, with derivatives of another list of effects
 POSE_STEPS = 25  # at most: a mount that was found askew turns held-out cameras by a degree
+OWN_STEPS = 6  # at most, of held-out captures' own numbers
 DRAWN_AGAIN, NEAR_PX = 3, 0.05  # times that held-out images are drawn, move of corners that is followed without
 
 
@@ -94,7 +96,7 @@ class Solver:
         self.predictor = problem.predictor(noise_of)
         self.prior = np.where(np.isfinite(problem.sigma_pose), 1 / problem.sigma_pose**2, 0.0)
         noise_of = self.predictor.noise_of
-        self.whiteners = [Whitener(c, i in noise_of) for i, c in enumerate(problem.captures)]
+        self.whiteners = [Whitener(c, i in noise_of, len(self.prior)) for i, c in enumerate(problem.captures)]
         self.derivatives_of = Derivatives(problem, self.predictor, self.whiteners, self.prior)
         self.map = ThreadPoolExecutor(threads).map if threads > 1 else map
         self.cost = 0  # predictions and derivatives by images, of one capture each: what a budget counts
@@ -145,14 +147,15 @@ class Solver:
         Jp = np.einsum("pij,pjk->pik", Li, self.derivatives_of.corners_by_pose(i, effects, pose))
         Jt = np.einsum("pij,pjk->pik", Li, self.derivatives_of.corners_by_parameters(i, effects, free, pose))
         wy = (weight * y).reshape(-1)
-        Jp, Jt = Jp.reshape(y.size, 6), Jt.reshape(y.size, len(free))
+        Jp, Jt = Jp.reshape(y.size, N_POSE), Jt.reshape(y.size, len(free))
         wJp = weight.reshape(-1, 1) * Jp
-        A = Jp.T @ wJp + np.diag(self.prior + 1e-9)
-        b = Jp.T @ wy - self.prior * pose
+        prior, pose = self.prior[:N_POSE], pose[:N_POSE]  # corners say nothing of a capture's own numbers
+        A = Jp.T @ wJp + np.diag(prior + 1e-9)
+        b = Jp.T @ wy - prior * pose
         C = wJp.T @ Jt
         H = Jt.T @ (weight.reshape(-1, 1) * Jt) - C.T @ np.linalg.solve(A, C)
         g = Jt.T @ wy - C.T @ np.linalg.solve(A, b)
-        return H, g, (A, b, C), (nu * np.log1p(y * y / nu)).sum() + (self.prior * pose**2).sum()
+        return H, g, (A, b, C), (nu * np.log1p(y * y / nu)).sum() + (prior * pose**2).sum()
 
     def precision_by_corners(self, effects, free, poses, offsets, train):
         """Return (H, loss, count): the Hessian (k, k) of half the corners' loss by free geometric parameters, poses eliminated;
@@ -275,8 +278,9 @@ class Solver:
         """Return the Descent of the free parameters and the training captures' poses: a fit without errors, from where it is."""
         effects = [(n, dict(p)) for n, p in effects]
         groups = self.residuals_of(effects, poses, train)
-        width = width_of(groups) if free else 1.0
-        converged, derivatives = not free, {}
+        moving = bool(free or self.problem.own)
+        width = width_of(groups) if moving else 1.0
+        converged, derivatives = not moving, {}
         damping, age = FIRST_DAMPING, OLDEST_DERIVATIVES
         for _ in range(iterations):
             theta = np.array([get_parameter(effects, f) for f in free])
@@ -330,12 +334,14 @@ class Solver:
     # -- scoring --------------------------------------------------------------------------------------------------
 
     def score(self, effects, poses, indices):
-        """Fit only the poses of the given captures, then return (poses, {i: groups}) of residuals there.
+        """Fit only the poses and own numbers of the given captures, then return (poses, {i: groups}) of residuals there.
 
         Images are drawn again while poses move by more than their corners can be led on to.
         """
         offsets = self.no_offsets()
         _, poses = self.fit_geometry(effects, [], poses, offsets, indices, scale=8.0, iterations=POSE_STEPS)
+        if self.problem.own:
+            poses = self.descend(effects, [], poses, indices, OWN_STEPS).state.poses
         for _ in range(DRAWN_AGAIN):
             self.cost += len(indices)
             drawn = self.each(lambda i: self.predictor.predict(i, effects, poses[i]), indices)  # noqa: B023
@@ -374,7 +380,7 @@ class Solver:
         groups = self.whiteners[i].residuals(taken, expected)
         Li, plates = self.whiteners[i].corner_inverse, self.whiteners[i].plates
         J = self.derivatives_of.corners_by_pose(i, effects, pose)
-        whitened = np.einsum("pij,pjk->pik", Li, J).reshape(-1, 6)
+        whitened = np.einsum("pij,pjk->pik", Li, J).reshape(-1, N_POSE)
         move = np.linalg.lstsq(whitened, groups["corners"].ravel(), rcond=None)[0]
         taken.features[plates, :8] -= J @ move
         return self.whiteners[i].residuals(taken, expected)

@@ -52,7 +52,8 @@ def assumed(scene):
         "reflectance": "reflectances for "
         + ", ".join(f"{name} {value:g}" for name, value in scene.get("reflectance", {}).items()),
     }
-    return [f"{words}the twin takes {listed(values[key] for key in left_open)}."]
+    fitted = "The diagnosis fits each capture's own, reflectances for all, and blames nothing on them."
+    return [f"{words}the twin's images take {listed(values[key] for key in left_open)}. {fitted}"]
 
 
 def listed(names):
@@ -97,7 +98,8 @@ def verdict_words(diagnosis):
         station = diagnosis.get("suggested_station")
         if station and station.get("height_m") is not None:
             words += f" A station at {station['height_m']:g} m height and {station['tilt_deg']:g}° tilt could."
-    return words + whole_lens_words(diagnosis) + needs_words(diagnosis) + not_looked_at_words(diagnosis)
+    words += whole_lens_words(diagnosis) + own_words(diagnosis) + needs_words(diagnosis)
+    return words + not_looked_at_words(diagnosis)
 
 
 def whole_lens_words(diagnosis):
@@ -149,6 +151,13 @@ def change_words(step):
         return f"{name} has changed ({len(parameters)} parameters)"
     values = (f"{k} from {p['from']:.4g} to {with_error(p['to'], p['se'])}" for k, p in parameters.items())
     return f"{name} has changed: {', '.join(values)}"
+
+
+def own_words(diagnosis):
+    """Return between what values the captures' own numbers lie, a sentence with a space before it; none where all is declared."""
+    own = diagnosis.get("own", {})
+    ranges = [f"{plain(name)} {min(v.values()):.3g} to {max(v.values()):.3g}" for name, v in own.items()]
+    return f" Each capture has its own {listed(ranges)}." if ranges else ""
 
 
 def not_looked_at_words(diagnosis):

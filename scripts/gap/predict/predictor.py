@@ -109,7 +109,7 @@ class Predictor:
         self._predictions, self._shown = Kept(KEPT), Kept(SCENES_KEPT)
 
     def predict(self, i, effects, pose):
-        """Return the Prediction of capture i with the pose (6,) by a twin of some effects [(name, parameters)]."""
+        """Return the Prediction of capture i, pose and own numbers (6 + k,), by a twin of effects [(name, parameters)]."""
         key = i, pipeline.key_of(effects), pose.tobytes()
         return self._predictions.of(key, lambda: self.shown(i, effects, pose).prediction)
 
@@ -125,6 +125,7 @@ class Shown:
     """The windows of one capture as a twin shows them, with all that a derivative needs."""
 
     def __init__(self, problem, capture, effects, pose, with_noise):
+        effects = problem.seen_with(effects, pose)
         self.problem, self.capture, self.effects, self.pose = problem, capture, effects, pose
         self.with_noise, self._classes, self._numbers_here, self._drawn = with_noise, None, {}, {}
         self.codes, self.observation = problem.codes, capture.observation
@@ -267,13 +268,14 @@ class Shown:
 
     # -- what changes -------------------------------------------------------------------------------------------------
 
-    def change(self, effects, by_response=True):
+    def change(self, effects, by_response=True, own=None):
         """Return the Prediction's change (features, colour, field, noise) where the effects become others that differ in what
-        an image shows (poses and points stay in the same windows).
+        an image shows (poses and points stay in the same windows); the capture's own numbers as in ``own`` (6 + k,), or as here.
 
         Features change to first order in the image (``by_response``: what that takes serves many changes), or are measured again
         from where they were.
         """
+        effects = self.problem.seen_with(effects, self.pose if own is None else own)
         same = drawn_key(effects) == drawn_key(self.effects)
         return self._changed(self.radiance if same else self._radiance(effects), effects, by_response)
 

@@ -9,6 +9,7 @@ import numpy as np
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
+from generator import left_open as left_open_effects
 from generator import light, nominal, optics, processing, rays, sensor, tracer
 from generator.vocabulary import LIBRARY, OUTSIDE, library_parameters
 
@@ -103,8 +104,9 @@ class CampaignCamera:
     seed.
     """
 
-    def __init__(self, camera, effects, seed_name):
-        self.camera, self.effects, self.seed_name = camera, effects, seed_name
+    def __init__(self, camera, effects, seed_name, left_open=()):
+        effects = left_open_effects.shared_effects(left_open, seed_name) | effects
+        self.camera, self.effects, self.seed_name, self.left_open = camera, effects, seed_name, left_open
         self.fine = optics.FINE if effects.keys() & set(optics.SPREADS) else 1
         self.margin = optics.margin_of(camera, effects)
         channels = (0, 1, 2) if "lateral_chromatic_aberration" in effects else (1,)
@@ -112,15 +114,18 @@ class CampaignCamera:
         self.plates = true_plates(effects, seed_name)
         self.order = processing.drawn_order(effects, seed_name)
 
-    def linear_light(self, rotation, centre):
+    def effects_of(self, capture):
+        """Return the effects of one capture: the camera's, and what it has for itself where the campaign leaves that open."""
+        return self.effects | left_open_effects.own_effects(self.left_open, self.seed_name, capture)
+
+    def linear_light(self, rotation, centre, effects=None):
         """Return linear light on the sensor (H, W, 1 or 3), noise-free, of a camera at ``rotation``
-        (R_cam_world), ``centre`` m.
+        (R_cam_world), ``centre`` m; ``effects`` are the camera's where None.
         """
-        rotation, centre = rays.capture_pose(rotation, centre, self.effects)
-        image = trace_capture(
-            self.camera, self.plates, self.grids, rotation, centre, self.effects, self.margin, self.fine
-        )
-        image = optics.stray_light(image, self.camera, self.effects, self.margin)
+        effects = self.effects if effects is None else effects
+        rotation, centre = rays.capture_pose(rotation, centre, effects)
+        image = trace_capture(self.camera, self.plates, self.grids, rotation, centre, effects, self.margin, self.fine)
+        image = optics.stray_light(image, self.camera, effects, self.margin)
         m = self.margin
         return image[m : m + self.camera.height, m : m + self.camera.width]
 
@@ -128,9 +133,10 @@ class CampaignCamera:
         """Return the 8-bit RGB image (H, W, 3) of one capture; its noise is seeded by the capture's name."""
         shared = nominal.rng_of("sensor", self.seed_name)
         own = nominal.rng_of("noise", self.seed_name, capture)
-        encoded = sensor.read_out(self.linear_light(rotation, centre), self.camera, self.effects, shared, own)
+        effects = self.effects_of(capture)
+        encoded = sensor.read_out(self.linear_light(rotation, centre, effects), self.camera, effects, shared, own)
         noise = own.standard_normal(encoded.shape, dtype=np.float32)
-        return processing.process(encoded + nominal.NOISE_DN * noise, self.effects, self.order)
+        return processing.process(encoded + nominal.NOISE_DN * noise, effects, self.order)
 
 
 def _captures(camera, stations, seed_name):
@@ -147,7 +153,7 @@ def _captures(camera, stations, seed_name):
             yield capture, height, tilt, trial, rotation, np.array([0.0, 0.0, height]) + shift, (shift, turn)
 
 
-def _write_tables(folder, camera, captures):
+def _write_tables(folder, camera, captures, left_open):
     lines = ["dictionary,id,code_m,plate_m,x,y,z,rx,ry,rz"]
     lines += [
         f"{m['dictionary']},{m['id']},{m['code_m']},{m['plate_m']},{m['x']},{m['y']},0.0,0.0,0.0,0.0"
@@ -157,13 +163,14 @@ def _write_tables(folder, camera, captures):
     lines = ["capture,camera,height_m,tilt_deg,trial,image"]
     lines += [f"{c},{camera.name},{h},{t},{r},images/{camera.name}/{c}.png" for c, h, t, r, *_ in captures]
     (folder / "captures.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    reflectance = "".join(f"  {k}: {v}\n" for k, v in nominal.REFLECTANCE.items())
+    declared = {"exposure": "1.0", "reflectance": "".join(f"\n  {k}: {v}" for k, v in nominal.REFLECTANCE.items())}
+    declared |= {what: left_open_effects.WORDS[what] for what in left_open}
+    declared = "".join(f"{what}: {value}\n" for what, value in declared.items())
     text = (
         f"schema: 1\nname: {folder.name}\norigin: simulated\nmarkers: markers.csv\ncaptures: captures.csv\n"
         f"cameras:\n  {camera.name}:\n    width: {camera.width}\n    height: {camera.height}\n"
         f"    fx: {camera.fx}\n    fy: {camera.fx}\n    cx: {camera.cx}\n    cy: {camera.cy}\n"
-        f"reflectance:\n{reflectance}"
-        f"exposure: 1.0\nencoding: srgb\nnoise_dn: {nominal.NOISE_DN}\ntolerance:\n"
+        f"{declared}encoding: srgb\nnoise_dn: {nominal.NOISE_DN}\ntolerance:\n"
         f"  position_m: {nominal.TOLERANCE_POSITION_M}\n  angle_deg: {nominal.TOLERANCE_ANGLE_DEG}\n"
     )
     # Last of all: a folder whose making was cut short has no campaign.yaml.
@@ -171,7 +178,7 @@ def _write_tables(folder, camera, captures):
 
 
 def generate_campaign(
-    folder, truth_folder, effects, seed_name, size="standard", camera=None, notes=None, stations=None
+    folder, truth_folder, effects, seed_name, size="standard", camera=None, notes=None, stations=None, left_open=()
 ):
     """Generate one campaign in ``folder`` (its name becomes the campaign's) and its sealed truth in
     ``truth_folder``/truth.json.
@@ -179,7 +186,8 @@ def generate_campaign(
     ``effects``: list of (name, parameters in this generator's units, see ``draw_effect``). ``size``:
     ``standard`` (20 captures of half a megapixel), ``small`` (8 of 768 x 432), ``tiny`` (4 of 384 x 216).
     ``camera``: a name among that size's cameras (default: the first). ``notes``: further keys of the
-    truth. ``stations``: [(height_m, tilt_deg)], whole degrees, instead of that size's. Same arguments, same bytes.
+    truth. ``stations``: [(height_m, tilt_deg)], whole degrees, instead of that size's. ``left_open``: of light, exposure,
+    white_balance and reflectance what the campaign does not declare and each capture has for itself. Same arguments, same bytes.
     """
     folder, truth_folder = Path(folder), Path(truth_folder)
     if unknown := [name for name, _ in effects if name not in LIBRARY and name not in OUTSIDE]:
@@ -188,12 +196,12 @@ def generate_campaign(
     camera = cameras[camera] if camera else nominal.CAMERAS[size][0]
     (folder / "images" / camera.name).mkdir(parents=True, exist_ok=True)
     truth_folder.mkdir(parents=True, exist_ok=True)
-    rig = CampaignCamera(camera, dict(effects), seed_name)
+    rig = CampaignCamera(camera, dict(effects), seed_name, left_open)
     captures = list(_captures(camera, stations or nominal.stations(size), seed_name))
     for capture, _, _, _, rotation, centre, _ in captures:
         image = rig.photograph(rotation, centre, capture)
         Image.fromarray(image).save(folder / "images" / camera.name / f"{capture}.png", compress_level=1)
-    _write_tables(folder, camera, captures)
+    _write_tables(folder, camera, captures, left_open)
     truth = {
         "campaign": folder.name,
         "camera": camera.name,
