@@ -87,3 +87,24 @@ def test_what_gave_way_to_a_rival_may_come_back(monkeypatch):
     noise = Proposal([("sensor_noise", {})], {"sensor_noise": []})
     found = found_in_rounds(monkeypatch, one_round, lambda *_, **__: noise, noise)
     assert found.names == ["sharpening", "sensor_noise"]
+
+
+@pytest.mark.parametrize(("alone", "kept"), [(300.0, ["ink_spread"]), (9000.0, ["tone_curve", "ink_spread"])])
+def test_a_first_round_that_is_stuck_gives_way_to_its_leader(monkeypatch, alone, kept):
+    """Fails if four names that a fit got stuck with stay where one of them leaves less alone, or one is taken for many."""
+    curve, ink = [(n, library.nulls_of(n)) for n in ("tone_curve", "ink_spread")]
+
+    def descent(effects, loss):
+        evidence = {"tone_curve": 100.0, "ink_spread": 5000.0}
+        return SimpleNamespace(state=SimpleNamespace(effects=effects), loss=loss, evidence=evidence)
+
+    monkeypatch.setattr(joint_way, "_fitted_in", lambda *_: (descent([curve, ink], 5600.0), {}))
+    monkeypatch.setattr(joint_way, "short_fit", lambda search, effects, *_: descent(effects, alone))
+    monkeypatch.setattr(joint_way, "_is_idle", lambda *_: False)
+    monkeypatch.setattr(joint_way, "_standing", lambda search, base, end: standing_with(end.state.effects, end.loss))
+    monkeypatch.setattr(joint_way, "_patches", lambda *_: [])
+    monkeypatch.setattr(joint_way, "_closes_enough", lambda *_: True)
+    search = SimpleNamespace(problem=SimpleNamespace(shows=lambda name: False))
+    proposal = Proposal([curve, ink], {"tone_curve": [], "ink_spread": []})
+    there, *_ = joint_way._round(search, base_twin(), base_twin(), proposal)
+    assert there.names == kept
