@@ -90,6 +90,11 @@ def needs_colour(name):
     return any(getattr(effect_named(name), flag, False) for flag in ("CHROMATIC", "MAKES_COLOUR"))
 
 
+def adds_noise(name):
+    """Return whether an effect adds something random to an image."""
+    return hasattr(effect_named(name), "variance")
+
+
 def needs_repeats(name):
     """Return whether only repeats of a station tell an effect from others."""
     return getattr(effect_named(name), "NEEDS_REPEATS", False)

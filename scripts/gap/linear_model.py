@@ -148,7 +148,7 @@ def exchanges(search, twin, kept, ways, model):
     """Return {effect ``kept`` of a twin: other names, most promising first} that may stand in its place, to second order.
 
     Of what taking it out costs, its parameters back at their nulls and all others refitted, one that affects the same brings
-    ``EXCHANGE_SHARE``. Ways and the LinearModel are about the twin, of which what is not
+    ``EXCHANGE_SHARE``; one noise is held against another in any case, as their levels tell them apart by little. Ways and the LinearModel are about the twin, of which what is not
     ``kept`` goes back to its null. What only moves points corners have told apart.
     """
     found = {}
@@ -167,7 +167,9 @@ def exchanges(search, twin, kept, ways, model):
         for way in ways:
             if library.affects(way.effect) == library.affects(name):
                 brings[way.effect] = max(brings.get(way.effect, 0.0), rest.gain(way.columns) - at)
-        rivals = sorted((n for n in brings if brings[n] > EXCHANGE_SHARE * cost), key=lambda n: (-brings[n], n))
+        noises = {n for n in brings if library.adds_noise(n) and library.adds_noise(name)}
+        rivals = [n for n in brings if n in noises or brings[n] > EXCHANGE_SHARE * cost]
+        rivals.sort(key=lambda n: (n not in noises, -brings[n], n))
         if rivals:
             found[name] = rivals[:MAX_EXCHANGED]
     return found

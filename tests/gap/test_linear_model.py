@@ -68,19 +68,19 @@ def test_a_later_round_proposes_what_leads(monkeypatch, share_of_first, names):
     assert selected(search, twin, ways, model, share_of_first=share_of_first).names == names
 
 
-def own_and_others(H, g):
-    """Return (search, twin, names, ways, model): an exposure that a twin has, beside what ``H`` and ``g`` tell of two others."""
-    ways = [Way(n, (), None, (k,)) for k, n in enumerate(["veiling_glare", "vignetting"])]
+def own_and_others(H, g, own=("exposure", "scale"), others=("veiling_glare", "vignetting")):
+    """Return (search, twin, names, ways, model): an effect that a twin has, beside what ``H`` and ``g`` tell of two others."""
+    ways = [Way(n, (), None, (k,)) for k, n in enumerate(others)]
     model = LinearModel(np.array(H), np.array(g), np.full(3, -np.inf), np.full(3, np.inf), [2])
     search = SimpleNamespace(
-        free=lambda effects: [("exposure", "scale") for _ in effects],
+        free=lambda effects: [own for _ in effects],
         is_fixed=lambda _: False,
         problem=SimpleNamespace(shows=lambda _: {}),
     )
     return (
         search,
-        SimpleNamespace(effects=(("exposure", {"scale": 1.5}),), names=["exposure"]),
-        ["exposure"],
+        SimpleNamespace(effects=((own[0], {own[1]: 1.5}),), names=[own[0]]),
+        [own[0]],
         ways,
         model,
     )
@@ -91,6 +91,13 @@ def test_what_does_as_much_in_an_effects_place_is_asked_once_more(alike, found):
     """Fails if an effect keeps its name unasked where another moves what it moves, or if all others are asked."""
     H = [[100.0, 0, 100 * alike], [0, 100.0, 10], [100 * alike, 10, 100.0]]
     assert exchanges(*own_and_others(H, [0.0, 0, 0])) == found
+
+
+def test_one_noise_is_held_against_another_in_any_case():
+    """Fails if a fixed pattern keeps a noise's name where a codec lets derivatives tell little of either, or a blur is asked too."""
+    H = [[100.0, 0, 10], [0, 100.0, 10], [10, 10, 100.0]]
+    noises = own_and_others(H, [0.0, 0, 0], ("fixed_pattern_noise", "prnu"), ("sensor_noise", "exposure"))
+    assert exchanges(*noises) == {"fixed_pattern_noise": ["sensor_noise"]}
 
 
 def test_taking_an_effect_out_costs_what_its_own_steps_tell():
