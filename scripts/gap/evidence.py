@@ -4,7 +4,9 @@ import numpy as np
 
 from effects import library
 from gap.normal_equations import gains_of_step, normal_equations
-from gap.parameters import get_parameter, image_step, prior_equations, priors_of
+from gap.parameters import get_parameter, image_step, prior_equations, priors_of, spec
+
+LONGER = 4.0  # times a step, where a codec rounds
 
 
 def start_step(parameter, value):
@@ -12,6 +14,14 @@ def start_step(parameter, value):
     effect, key = parameter
     steps = [start[key] - value for start in library.starts_of(effect) if start[key] != value]
     return max(steps, key=abs) if steps else image_step(parameter, value)
+
+
+def step_over_rounding(parameter, value):
+    """Return a step from the null that is LONGER than ``start_step`` by a factor, inside the bounds: what a codec rounds to its
+    own coarse steps changes by none or by a whole one of them.
+    """
+    step, s = start_step(parameter, value), spec(parameter)
+    return float(np.clip(value + LONGER * step, s.lower, s.upper)) - value
 
 
 def first_order_gains(effects, free, derivatives, groups, nu):

@@ -1,6 +1,6 @@
 """Short fits in a few captures, and which of several effects does best in one's place beside all others."""
 
-from gap.search import MAX_STARTS, MIN_GAIN, SCALE_FROM_NEAR
+from gap.search import MAX_STARTS, MIN_GAIN, SCALE_FROM_NEAR, SCALE_FROM_START
 from gap.split import probes
 
 FURTHER_ITERATIONS = 3  # of a fit after a change to it
@@ -30,6 +30,13 @@ def exchanged(search, end, name, rivals, iterations=FURTHER_ITERATIONS):
     kept = min(sorted(ends), key=lambda n: ends[n].loss)
     near = [n for n in sorted(ends) if n != kept and ends[n].loss < ends[kept].loss + MIN_GAIN]
     return ends[kept], kept, [(n, dict(ends[n].state.effects)[n]) for n in near]
+
+
+def or_leader_alone(search, twin, proposal, end, iterations):
+    """Return the Descent in which a Proposal was fitted or, where it stuck and leaves more, of what brings most in it, alone."""
+    leader = max(proposal.names, key=lambda n: (end.evidence.get(n, 0.0), n))
+    effects = [*twin.effects, (leader, dict(proposal.effects)[leader])]
+    return min(end, short_fit(search, effects, twin.poses, SCALE_FROM_START, iterations), key=loss_of)
 
 
 def loss_of(end):

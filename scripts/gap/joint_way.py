@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from effects import library
-from gap.exchange import FURTHER_ITERATIONS, exchanged, loss_of, short_fit
+from gap.exchange import FURTHER_ITERATIONS, exchanged, loss_of, or_leader_alone, short_fit
 from gap.geometry_first import told_beside_the_rest, told_by_corners
 from gap.linear_model import (
     MIN_SHARE_OF_FIRST,
@@ -208,7 +208,7 @@ def _round(search, base, here, proposal):
     """
     end, as_good = _fitted_in(search, here, proposal)
     if set(here.names) == set(base.names):
-        end = _or_leader(search, here, proposal, end)
+        end = or_leader_alone(search, here, proposal, end, FIRST_ITERATIONS)
     idle = [n for n, _ in end.state.effects if n not in here.names]
     idle = [n for n in idle if _is_idle(search, end.state.effects, n, end.evidence)]
     if idle:
@@ -222,16 +222,15 @@ def _round(search, base, here, proposal):
         end = _without(search, end, patches)
         there = _standing(search, base, end)
     asked = [n for n in _added(there, here) if not search.problem.shows(n)]
-    if not _closes_enough(here, there, min(MIN_SHARE * len(asked), MAX_SHARE_ASKED)):
+    share = min(MIN_SHARE * len(asked), MAX_SHARE_ASKED)
+    if not _closes_enough(here, there, share) and _closes_enough(here, there, share / 2):  # a codec's steps may hold it
+        rough = [n for n in there.names if search.problem.shows(n)]
+        again = short_fit(search, end.state.effects, end.state.poses, SCALE_FROM_NEAR, FIRST_ITERATIONS, rough=rough)
+        end = min(end, again, key=loss_of)
+        there = _standing(search, base, end)
+    if not _closes_enough(here, there, share):
         return None, None, None, None
     return there, end, as_good, {*idle, *patches}
-
-
-def _or_leader(search, twin, proposal, end):
-    """Return the Descent in which a Proposal was fitted, or, where that is stuck and leaves more, of what brings most there alone."""
-    leader = max(proposal.names, key=lambda n: (end.evidence.get(n, 0.0), n))
-    effects = [*twin.effects, (leader, dict(proposal.effects)[leader])]
-    return min(end, short_fit(search, effects, twin.poses, SCALE_FROM_START, FIRST_ITERATIONS), key=loss_of)
 
 
 def _pruned(search, base, twin, end):

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from effects import library
-from gap.evidence import start_step
+from gap.evidence import start_step, step_over_rounding
 from gap.normal_equations import normal_equations
 from gap.parameters import prior_equations, spec
 from gap.search import MIN_GAIN
@@ -148,8 +148,9 @@ def exchanges(search, twin, kept, ways, model):
     """Return {effect ``kept`` of a twin: other names, most promising first} that may stand in its place, to second order.
 
     Of what taking it out costs, its parameters back at their nulls and all others refitted, one that affects the same brings
-    ``EXCHANGE_SHARE``; one noise is held against another in any case, as their levels tell them apart by little. Ways and the LinearModel are about the twin, of which what is not
-    ``kept`` goes back to its null. What only moves points corners have told apart.
+    ``EXCHANGE_SHARE``; one noise is held against another in any case, as levels tell them apart by little. Ways and the
+    LinearModel are about the twin, of which what is not ``kept`` goes back to its null. What only moves points corners have told
+    apart.
     """
     found = {}
     for name in (n for n in twin.names if n not in kept):
@@ -189,7 +190,9 @@ def linear_model(search, twin, names):
     acting = {n: tuple(k for k in library.fitted_parameters(n) if _acts_by_degrees(n, k)) for n in names}
     free = [(n, k) for n in names for k in acting[n]]
     effects = [*twin.effects, *((n, library.nulls_of(n)) for n in names)]
-    derivatives = search.solver.derivatives(effects, free, twin.poses, indices, start_step)
+    is_rough = any(search.problem.shows(n) for n in twin.names)
+    step = step_over_rounding if is_rough else start_step
+    derivatives = search.solver.derivatives(effects, free, twin.poses, indices, step)
     ways = [Way(n, acting[n], None, tuple(i for i, f in enumerate(free) if f[0] == n)) for n in names if acting[n]]
     towards = []
     for n in names:

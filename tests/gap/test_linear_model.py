@@ -94,7 +94,7 @@ def test_what_does_as_much_in_an_effects_place_is_asked_once_more(alike, found):
 
 
 def test_one_noise_is_held_against_another_in_any_case():
-    """Fails if a fixed pattern keeps a noise's name where a codec lets derivatives tell little of either, or a blur is asked too."""
+    """Fails if a fixed pattern keeps a noise's name unasked where a codec lets derivatives tell little of either."""
     H = [[100.0, 0, 10], [0, 100.0, 10], [10, 10, 100.0]]
     noises = own_and_others(H, [0.0, 0, 0], ("fixed_pattern_noise", "prnu"), ("sensor_noise", "exposure"))
     assert exchanges(*noises) == {"fixed_pattern_noise": ["sensor_noise"]}

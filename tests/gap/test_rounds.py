@@ -7,7 +7,7 @@ import pytest
 from stand_in_twins import base_twin, standing_with
 
 from effects import library
-from gap import joint_way
+from gap import exchange, joint_way
 from gap.linear_model import Proposal
 
 
@@ -99,7 +99,7 @@ def test_a_first_round_that_is_stuck_gives_way_to_its_leader(monkeypatch, alone,
         return SimpleNamespace(state=SimpleNamespace(effects=effects), loss=loss, evidence=evidence)
 
     monkeypatch.setattr(joint_way, "_fitted_in", lambda *_: (descent([curve, ink], 5600.0), {}))
-    monkeypatch.setattr(joint_way, "short_fit", lambda search, effects, *_: descent(effects, alone))
+    monkeypatch.setattr(exchange, "short_fit", lambda search, effects, *_: descent(effects, alone))
     monkeypatch.setattr(joint_way, "_is_idle", lambda *_: False)
     monkeypatch.setattr(joint_way, "_standing", lambda search, base, end: standing_with(end.state.effects, end.loss))
     monkeypatch.setattr(joint_way, "_patches", lambda *_: [])
@@ -108,3 +108,29 @@ def test_a_first_round_that_is_stuck_gives_way_to_its_leader(monkeypatch, alone,
     proposal = Proposal([curve, ink], {"tone_curve": [], "ink_spread": []})
     there, *_ = joint_way._round(search, base_twin(), base_twin(), proposal)
     assert there.names == kept
+
+
+@pytest.mark.parametrize(("closes", "there"), [((0.2, 0.9), "without the codec first"), ((0.0, 0.9), None)])
+def test_a_round_that_a_codecs_steps_hold_is_fitted_without_the_codec_first(monkeypatch, closes, there):
+    """Fails if what is right is lost as its fit stuck in a codec's steps, or what closes next to nothing is fitted twice."""
+    codec, fall_off = [(n, library.nulls_of(n)) for n in ("jpeg_compression", "vignetting")]
+    fits = []
+
+    def fit(search, effects, poses, scale, iterations, rough=()):
+        fits.append(rough)
+        return SimpleNamespace(state=SimpleNamespace(effects=effects, poses=None), loss=100.0, evidence={})
+
+    first = SimpleNamespace(state=SimpleNamespace(effects=[codec, fall_off], poses=None), loss=500.0, evidence={})
+    monkeypatch.setattr(joint_way, "_fitted_in", lambda *_: (first, {}))
+    monkeypatch.setattr(joint_way, "short_fit", fit)
+    monkeypatch.setattr(joint_way, "_is_idle", lambda *_: False)
+    monkeypatch.setattr(joint_way, "_standing", lambda search, base, end: standing_with(end.state.effects, end.loss))
+    monkeypatch.setattr(joint_way, "_patches", lambda *_: [])
+    share_closed = {500.0: closes[0], 100.0: closes[1]}
+    monkeypatch.setattr(joint_way, "_closes_enough", lambda here, there, share: share_closed[there.losses[0]] > share)
+    search = SimpleNamespace(problem=SimpleNamespace(shows=lambda name: name == "jpeg_compression"))
+    here = standing_with([codec], 900.0)
+    monkeypatch.setattr(joint_way, "MIN_SHARE", 0.3)
+    found, *_ = joint_way._round(search, base_twin(), here, Proposal([fall_off], {"vignetting": []}))
+    assert (found and found.losses[0]) == (100.0 if there else None)
+    assert fits == ([["jpeg_compression"]] if there else [])
