@@ -17,6 +17,7 @@ from gap.joined import joined
 from gap.joint_fit import JointFit, JointTwin, Slots, moments, ridge_of
 from gap.parameters import fitted_parameters, image_step, spec
 from gap.permutation import MAX_DIRECTIONS, Moments, labellings, p_values
+from gap.problem import may_have
 from gap.residuals import NU, flatten, rho
 from gap.select_effects import is_flexible
 from gap.solver import Solver
@@ -170,7 +171,7 @@ def able_to_change(problem, candidates):
     """Return those of some effects whose change a problem's captures can show."""
     if problem.is_board:
         return seen_by_points(candidates)
-    return [n for n in candidates if problem.may_have(n)]
+    return [n for n in candidates if may_have(problem, n)]
 
 
 def common_twin(fit, problem, effects, names):

@@ -107,10 +107,6 @@ class Case:
         """Return {group: floor} of captures' residual groups: how far repeats lie apart."""
         return floors_of(self, groups)
 
-    def may_have(self, name):
-        """Return whether an effect can compete: none does that each capture has for itself, nor a board's in a rig's."""
-        return name not in dict(self.own) and (self.is_board or not library.is_of_boards(name))
-
     # -- geometry ---------------------------------------------------------------------------------------------
 
     def scene_of(self, effects):
@@ -281,6 +277,11 @@ class Case:
             corners[k] = quad
             found[k] = np.abs(quad - starts[k]).max() < FARTHEST_FOLLOWED_PX
         return corners, agreeing(starts, corners, found)
+
+
+def may_have(problem, name):
+    """Return whether an effect can compete: none does that each capture has for itself, nor a board's in a rig's."""
+    return name not in dict(problem.own) and (problem.is_board or not library.is_of_boards(name))
 
 
 def _moved(scene, view, delta):

@@ -14,6 +14,7 @@ from gap.evidence import evidence_of, first_order_gains, start_step
 from gap.kept import kept
 from gap.normal_equations import gains_of_step, normal_equations
 from gap.parameters import fitted_parameters, is_geometric, spec
+from gap.problem import may_have
 from gap.residuals import GROUPS, NU, flatten, lost_plates, rho, total, width_of
 from gap.score import group_gaps, group_losses
 from gap.split import probes, split_by_station, thinned, usable
@@ -49,7 +50,7 @@ class Search:
         self.train = thinned(usable(train, problem), problem.most_captures)
         self.test = thinned(usable(test, problem), problem.most_held_out)
         self.solver = problem.solver(probes(self.train) + probes(self.test), threads)
-        self.candidates = [n for n in candidates or library.available_effects() if problem.may_have(n)]
+        self.candidates = [n for n in candidates or library.available_effects() if may_have(problem, n)]
         self.fixed = frozenset(fixed)
         self._of_starts, self._prepared = {}, (None, None, None)
 

@@ -130,7 +130,7 @@ class SignatureCase:
     captures: list
     twins: list
     signs: np.ndarray
-    nuisances = ()
+    own = nuisances = ()
     most_captures, most_held_out = 4, 10
     draws = True
     is_board = True
