@@ -29,6 +29,7 @@ from gap import ladder
 from gap.board import scales_alone, seen_by_points
 from gap.needs import cannot_tell
 from gap.next_station import suggested_station
+from gap.problem import without_own
 from gap.residuals import flatten
 from gap.score import gap_error, group_gaps, overall_gap
 from gap.select_effects import verdict
@@ -139,7 +140,7 @@ def diagnose_camera(
     fixed = {(n, k) for n, p in configured for k in p} - {(n, k) for n, k in free}
     store = stored_outcomes(kept, [*code, *effect_code, observations, register_json], expand, (camera, sorted(fixed)))
     try:
-        case = load_measured(expand, register_json, camera, observations)
+        case = without_own(load_measured(expand, register_json, camera, observations), dict(configured))
         competing, not_looked_at = looked_at(case, candidates)
         search, base, first, outcome = verdict(
             case, configured, competing, fixed, budget, threads, teller(camera), store

@@ -279,6 +279,13 @@ class Case:
         return corners, agreeing(starts, corners, found)
 
 
+def without_own(problem, names):
+    """Return a Case whose captures have no own numbers of some effects: the twin as configured gives them to all."""
+    left = [k for k, (name, _) in enumerate(problem.own) if name not in names]
+    sigma_pose = problem.sigma_pose[[*range(N_POSE), *(N_POSE + k for k in left)]]
+    return replace(problem, own=tuple(problem.own[k] for k in left), sigma_pose=sigma_pose)
+
+
 def may_have(problem, name):
     """Return whether an effect can compete: none does that each capture has for itself, nor a board's in a rig's."""
     return name not in dict(problem.own) and (problem.is_board or not library.is_of_boards(name))

@@ -14,6 +14,7 @@ sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests/bench")]
 
 from effects import library  # noqa: E402
 from gap.joined import joined  # noqa: E402
+from gap.problem import without_own  # noqa: E402
 from gap.search import Search  # noqa: E402
 from gap.select_effects import verdict  # noqa: E402
 from generator import draw_effect, generate_campaign, nominal  # noqa: E402
@@ -128,3 +129,12 @@ def test_a_campaign_that_declares_everything_has_no_own_numbers(made):
     case = made([])
     assert (case.own, case.nuisances, len(case.sigma_pose)) == ((), (), N_POSE)
     assert library.own_where_open([]) == [] and library.shared_where_open([]) == []
+
+
+def test_what_the_twin_file_gives_is_no_captures_own(made):
+    """Fails if a value that the user wrote is fitted to each capture as the campaign leaves it open."""
+    case = without_own(made(["light", "exposure", "white_balance"]), {"exposure": {"scale": 1.2}})
+    assert {name for name, _ in case.own} == {"colour_balance", "illumination_gradient"}
+    pose = case.start_poses()[0]
+    assert len(pose) == N_POSE + 4
+    assert ("exposure", {"scale": 1.2}) in case.seen_with([("exposure", {"scale": 1.2})], pose)
