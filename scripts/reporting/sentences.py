@@ -52,7 +52,8 @@ def assumed(scene):
         "reflectance": "reflectances for "
         + ", ".join(f"{name} {value:g}" for name, value in scene.get("reflectance", {}).items()),
     }
-    fitted = "The diagnosis fits each capture's own, reflectances for all, and blames nothing on them."
+    for_all = ", reflectances for all captures alike," if "reflectance" in left_open else ""
+    fitted = f"The diagnosis fits each capture's own{for_all} and blames nothing on them."
     return [f"{words}the twin's images take {listed(values[key] for key in left_open)}. {fitted}"]
 
 

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from gap import linear_model
+from gap.evidence import start_step, step_over_rounding
 from gap.linear_model import MAX_COLUMNS, LinearModel, Way, _rivals, _simpler, exchanges, selected
+from gap.parameters import spec
 
 H, G = np.array([[4.0, 2.0, 0.0], [2.0, 4.0, 0.0], [0.0, 0.0, 1.0]]), np.array([8.0, 8.0, -3.0])
 
@@ -108,3 +110,15 @@ def test_taking_an_effect_out_costs_what_its_own_steps_tell():
     after = g - H @ [-2.0, 0]
     exact = g @ np.linalg.solve(H, g) - (2 * g[0] * -2 - 4 * H[0, 0] + after[1] ** 2 / H[1, 1])
     assert cost == pytest.approx(exact, rel=1e-4) and rest.own == [1]
+
+
+@pytest.mark.parametrize(
+    ("parameter", "step"), [(("vignetting", "a2"), 4.0), (("lens_blur", "softness"), None)], ids=["long", "bounded"]
+)
+def test_beside_a_codec_a_step_goes_over_its_own(parameter, step):
+    """Fails if a step is as short as elsewhere, which a codec rounds to nothing, or leaves the bounds."""
+    null = spec(parameter).null
+    longer = step_over_rounding(parameter, null)
+    if step:
+        assert longer == pytest.approx(step * start_step(parameter, null))
+    assert spec(parameter).lower <= null + longer <= spec(parameter).upper and longer != 0
