@@ -26,7 +26,7 @@ MAX_PARAMETERS = 12  # of an effect that is no free warp, and of a base that is 
 MIN_GAIN = 25.0  # in loss: less is not worth a fit, nor a name
 CLEAR_EVIDENCE = 16.0  # times MIN_GAIN that taking an effect out costs to second order: a refit need not tell
 SHARE_OF_MIMICS = 0.9  # of what an effect of many parameters brings, that simpler ones promise together
-MAX_MIMICS = 2  # of them: three make up for much by chance
+MAX_MIMICS, ALIKE_MIMICS = 2, 2  # of them (three make up for much by chance), sets of as many that are fitted
 MAX_HIDDEN = 0.05  # share of the held-out plates that a candidate may lose
 ITERATIONS_OF_STARTS = 2  # in a few captures, to choose a start
 ITERATIONS_OF_RIVALS = 4  # there, to see whether a rival is one
@@ -207,7 +207,7 @@ class Search:
 
     @kept
     def mimics(self, twin, effect, others):
-        """Return the fewest of other effects that promise together what one of a twin's own brings; none where few do not.
+        """Return lists of other effects that promise together what one of a twin's own brings, the fewest first, then the best.
 
         Asked to first order beside what else the twin has, refitted in a few captures; the most helpful is taken first.
         """
@@ -215,11 +215,13 @@ class Search:
         fit = self.solver.approach(rest, self.free(rest), twin.poses, probes(self.train), ITERATIONS_OF_RIVALS)
         without = replace(twin, effects=tuple(fit.state.effects), poses=fit.state.poses)
         enough = SHARE_OF_MIMICS * self._gain_of(without, [effect])([effect]).sum()
-        gain_of, taken = self._gain_of(without, others), []
-        while len(taken) < min(len(others), MAX_MIMICS) and (not taken or gain_of(taken).sum() < enough):
-            left = [n for n in others if n not in taken]
-            taken.append(max(left, key=lambda n: gain_of([*taken, n]).sum()))
-        return taken if taken and gain_of(taken).sum() >= enough else []
+        gain_of, sets = self._gain_of(without, others), [[]]
+        for size in range(min(len(others), MAX_MIMICS)):
+            best = next(taken for taken in sets if len(taken) == size)
+            sets += sorted(([*best, n] for n in others if n not in best), key=lambda s: -gain_of(s).sum())[
+                :ALIKE_MIMICS
+            ]
+        return [taken for taken in sets[1:] if gain_of(taken).sum() >= enough]
 
     def prepared_for(self, twin):
         """Return (probes, their derivatives by the twin's parameters), made once for a twin.

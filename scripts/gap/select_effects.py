@@ -4,6 +4,7 @@
 """
 
 from dataclasses import replace
+from itertools import groupby
 
 import numpy as np
 
@@ -193,20 +194,27 @@ def _with_simpler(selection, base, first, best, before):
         if is_simple(step.effect) or selection.is_spent():
             continue
         alike = [n for n in simple if library.affects(n) == library.affects(step.effect) and n not in best.twin.names]
-        simpler = search.mimics(best.twin, step.effect, alike)
-        if not simpler:
-            continue
-        rest = [e for e in best.twin.effects if e[0] != step.effect]
-        twin = search.fitted([*rest, *((n, library.nulls_of(n)) for n in simpler)], best.twin.poses)
-        if sum(twin.losses.values()) < sum(best.twin.losses.values()):
-            at = best.steps.index(step)
-            instead = [replace(step, effect=n, confused_with=()) for n in simpler]  # those were the curve's
-            steps = [*best.steps[:at], *instead, *best.steps[at + 1 :]]
-            there = twins_on_the_way(search, base, twin, [s.effect for s in steps])
-            steps = [replace(s, twin=t) for s, t in zip(steps, there, strict=True)]
-            left = [*(c for c in best.left if c.effect not in simpler), search.null_candidate(twin, step.effect)]
-            best = outcome_of(search.problem, steps, rank(left), twin, before)
+        rest, sets = [e for e in best.twin.effects if e[0] != step.effect], search.mimics(best.twin, step.effect, alike)
+        for _, of_a_size in groupby(sets, len):
+            of_a_size = list(of_a_size)
+            effects = [[*rest, *((n, library.nulls_of(n)) for n in simpler)] for simpler in of_a_size]
+            twins = [search.fitted(some, best.twin.poses) for some in effects]
+            k = min(range(len(twins)), key=lambda k: sum(twins[k].losses.values()))
+            if sum(twins[k].losses.values()) < sum(best.twin.losses.values()):
+                best = _in_its_place(search, base, best, step, of_a_size[k], twins[k], before)
+                break
     return best
+
+
+def _in_its_place(search, base, outcome, step, simpler, twin, before):
+    """Return an Outcome whose last Twin is another, with simpler effects in the place of one of its Steps."""
+    at = outcome.steps.index(step)
+    instead = [replace(step, effect=n, confused_with=()) for n in simpler]  # those were the curve's
+    steps = [*outcome.steps[:at], *instead, *outcome.steps[at + 1 :]]
+    there = twins_on_the_way(search, base, twin, [s.effect for s in steps])
+    steps = [replace(s, twin=t) for s, t in zip(steps, there, strict=True)]
+    left = [*(c for c in outcome.left if c.effect not in simpler), search.null_candidate(twin, step.effect)]
+    return outcome_of(search.problem, steps, rank(left), twin, before)
 
 
 def is_simple(name):
