@@ -215,13 +215,11 @@ class Search:
         fit = self.solver.approach(rest, self.free(rest), twin.poses, probes(self.train), ITERATIONS_OF_RIVALS)
         without = replace(twin, effects=tuple(fit.state.effects), poses=fit.state.poses)
         enough = SHARE_OF_MIMICS * self._gain_of(without, [effect])([effect]).sum()
-        gain_of, sets = self._gain_of(without, others), [[]]
-        for size in range(min(len(others), MAX_MIMICS)):
-            best = next(taken for taken in sets if len(taken) == size)
-            sets += sorted(([*best, n] for n in others if n not in best), key=lambda s: -gain_of(s).sum())[
-                :ALIKE_MIMICS
-            ]
-        return [taken for taken in sets[1:] if gain_of(taken).sum() >= enough]
+        gain_of, best, sets = self._gain_of(without, others), [], []
+        for _ in range(min(len(others), MAX_MIMICS)):
+            longer = sorted(([*best, n] for n in others if n not in best), key=lambda s: -gain_of(s).sum())
+            best, sets = longer[0], sets + longer[:ALIKE_MIMICS]
+        return [taken for taken in sets if gain_of(taken).sum() >= enough]
 
     def prepared_for(self, twin):
         """Return (probes, their derivatives by the twin's parameters), made once for a twin.

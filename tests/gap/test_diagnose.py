@@ -290,10 +290,18 @@ def test_a_twin_that_hides_plates_is_told(lost, hides):
     assert search._hides_plates(base, SimpleNamespace(groups={0: {"corners": corners}})) == hides
 
 
-@pytest.mark.parametrize(("hidden", "simpler"), [("exposure", ["exposure"]), ("tone_curve", [])])
+@pytest.mark.parametrize(
+    ("hidden", "simpler"),
+    [
+        (["exposure"], ["exposure"]),
+        (["tone_curve"], []),
+        (["exposure", "veiling_glare"], ["exposure", "veiling_glare"]),
+    ],
+    ids=["exposure", "curve", "two"],
+)
 def test_a_curve_gives_way_to_what_it_only_mimics(tmp_path, hidden, simpler):
-    """Fails if a curve keeps the name of a darker exposure, or if a camera's real curve loses its own to several others."""
-    case, _ = generated_case(tmp_path, "single", hidden, seed="mimics")
+    """Fails if a curve keeps the name of an exposure, alone or with a glare, or if a real curve loses its own to several others."""
+    case = case_of_several(tmp_path, hidden)
     search = Search(case)
     base = search.fitted([])
     twin = search.fitted([("tone_curve", library.nulls_of("tone_curve"))])
