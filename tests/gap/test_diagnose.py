@@ -300,7 +300,7 @@ def test_a_twin_that_hides_plates_is_told(lost, hides):
     ids=["exposure", "curve", "two"],
 )
 def test_a_curve_gives_way_to_what_it_only_mimics(tmp_path, hidden, simpler):
-    """Fails if a curve keeps the name of an exposure, alone or with a glare, or if a real curve loses its own to several others."""
+    """Fails if a curve keeps the name of an exposure, alone or with a glare, or a real curve loses its own to several others."""
     case = case_of_several(tmp_path, hidden)
     search = Search(case)
     base = search.fitted([])
