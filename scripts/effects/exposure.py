@@ -10,7 +10,7 @@ from effects.base import Parameter
 STAGE, ORDER = "sensor", 10
 AFFECTS = "intensity"
 OWN_WHERE_OPEN = {"exposure": ("scale",)}
-SHARED_WHERE_OPEN = ("reflectance",)  # white is what the gauge calls so
+SHARED_WHERE_OPEN = ("reflectance",)  # both are told against the ground, which keeps its own
 PARAMETERS = {
     "scale": Parameter(
         unit="1", lower=0.1, upper=10.0, null=1.0, matters=0.01, doc="true exposure over the nominal one"

@@ -223,7 +223,7 @@ def _round(search, base, here, proposal):
         there = _standing(search, base, end)
     asked = [n for n in _added(there, here) if not search.problem.shows(n)]
     share = min(MIN_SHARE * len(asked), MAX_SHARE_ASKED)
-    if not _closes_enough(here, there, share) and _closes_enough(here, there, share / 2):  # a codec's steps may hold it
+    if not _closes_enough(here, there, share) and _closes_enough(here, there, share / 2):  # a codec may hold its fit
         rough = [n for n in there.names if search.problem.shows(n)]
         again = short_fit(search, end.state.effects, end.state.poses, SCALE_FROM_NEAR, FIRST_ITERATIONS, rough=rough)
         end = min(end, again, key=loss_of)

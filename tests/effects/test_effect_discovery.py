@@ -64,6 +64,16 @@ def test_a_thirtieth_effect_takes_part(folder, tmp_path):
         ("bad_start", ('"light": 0.1', '"light": 7.0'), "STARTS: light is 7.0; it must lie in"),
         ("bad_name_in_start", ('"light": 0.1', '"glow": 0.1'), "STARTS: no parameter 'glow'; there are light"),
         ("bad_starts", ('({"light": 0.1},)', '{"light": 0.1}'), "a tuple of at least one dict"),
+        (
+            "bad_own",
+            ("STARTS =", 'OWN_WHERE_OPEN = {"shutter": ("light",)}\nSTARTS ='),
+            "of what a campaign may leave open: light, exposure",
+        ),
+        (
+            "bad_name_in_own",
+            ("STARTS =", 'OWN_WHERE_OPEN = {"exposure": ("glow",)}\nSTARTS ='),
+            "OWN_WHERE_OPEN: no parameter 'glow'; there are light",
+        ),
         ("bad_null", ("lower=0.0", "lower=0.5"), "null is 0.0; it must lie in"),
         ("bad_order", ("160", "'last'"), "ORDER is 'last'"),
         ("orders", ("160", "(160, 170)"), "a discrete auxiliary parameter 'place', 0 to 1, is needed"),
