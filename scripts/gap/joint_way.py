@@ -274,7 +274,12 @@ def _added(twin, base):
 
 
 def _closes_enough(before, after, share=MIN_SHARE):
-    """Return whether a twin closes a share of what another leaves open, or most of a group of observables; in its floors."""
+    """Return whether a twin closes a share of what another leaves open, or most of a group of observables; in its floors.
+
+    Not where it leaves more in all: floors rise with what a wrong twin's own captures differ by.
+    """
+    if sum(after.losses.values()) > sum(before.losses.values()):
+        return False
     before = replace(before, floors=after.floors)
     gains = {group: before.excess[group] - left for group, left in after.excess.items()}
     return is_enough(gains, sum(gains.values()), MIN_GAIN, before.excess, share)

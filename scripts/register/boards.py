@@ -17,6 +17,10 @@ from rig.plates import aruco_dictionary
 SUBPIX_WINDOW = (5, 5)
 SUBPIX_STOP = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 40, 0.001)
 LEAST_POINTS = 8
+MAX_OFF_LINE, MAX_BENT = (
+    0.1,
+    0.2,
+)  # of a square: cut squares are 0.16 to 0.5 off; what a wide lens bends the end of a line by
 CHARUCO_OFFSET_PX = 0.5  # of the installed OpenCV's corners (opencv#25539, gone with pull request 28380)
 
 
@@ -96,7 +100,28 @@ def _ordered_chessboard(grey, board, corners):
     turned = [g for g in turned if g.shape == grid.shape]
     right = next((g for g in turned if _black_is_black(grey, g)), None)
     grid = turned[0] if right is None else right
-    return BoardPoints(_chessboard_points(board), grid.reshape(-1, 2), 0, inverted=right is None)
+    whole = whole_corners(grid, grey.shape).ravel()
+    return BoardPoints(_chessboard_points(board)[whole], grid.reshape(-1, 2)[whole], 0, inverted=right is None)
+
+
+def whole_corners(grid, shape):
+    """Return which corners (rows, columns) of a grid (rows, columns, 2), pixels, are those of whole squares in a frame
+    (height, width): all but outer ones whose squares the frame cuts and that lie elsewhere than their lines go on. OpenCV
+    takes the corners of what is left of such squares.
+    """
+    whole, size = np.ones(grid.shape[:2], bool), np.array(shape[1::-1])
+    for turns in range(4):
+        g, w = np.rot90(grid, turns), np.rot90(whole, turns)  # a view: what is set in it is set in ``whole``
+        if len(g) > 3:
+            expected = 3 * g[1] - 3 * g[2] + g[3]  # perspective is smooth
+            side = np.linalg.norm(g[1] - g[2], axis=1, keepdims=True)
+            off = (g[0] - expected) / side
+            bent = np.median(off, axis=0)  # a lens bends the ends of all lines alike
+            off -= bent if np.linalg.norm(bent) < MAX_BENT else 0.0
+            beyond = 2 * expected - g[1]
+            is_cut = ((beyond < -0.5) | (beyond > size - 0.5)).any(1)
+            w[0] &= ~is_cut | (np.linalg.norm(off, axis=1) < MAX_OFF_LINE)
+    return whole
 
 
 def _black_is_black(grey, grid):
