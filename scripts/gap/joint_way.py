@@ -223,14 +223,14 @@ def _round(search, base, here, proposal):
         there = _standing(search, base, end)
     asked = [n for n in _added(there, here) if not search.problem.shows(n)]
     share = min(MIN_SHARE * len(asked), MAX_SHARE_ASKED)
-    if not _closes_enough(here, there, share) and _closes_enough(here, there, share / 2):  # a codec may hold its fit
+    closes = _closes_enough(here, there, share)
+    if not closes and _closes_enough(here, there, share / 2):  # a codec may hold its fit
         rough = [n for n in there.names if search.problem.shows(n)]
         again = short_fit(search, end.state.effects, end.state.poses, SCALE_FROM_NEAR, FIRST_ITERATIONS, rough=rough)
         end = min(end, again, key=loss_of)
         there = _standing(search, base, end)
-    if not _closes_enough(here, there, share):
-        return None, None, None, None
-    return there, end, as_good, {*idle, *patches}
+        closes = _closes_enough(here, there, share)
+    return (there, end, as_good, {*idle, *patches}) if closes else (None, None, None, None)
 
 
 def _pruned(search, base, twin, end):
@@ -274,12 +274,9 @@ def _added(twin, base):
 
 
 def _closes_enough(before, after, share=MIN_SHARE):
-    """Return whether a twin closes a share of what another leaves open, or most of a group of observables; in its floors.
-
-    Not where it leaves more in all: floors rise with what a wrong twin's own captures differ by.
-    """
+    """Return whether a twin closes a share of what another leaves open, or most of a group of observables; in its floors."""
     if sum(after.losses.values()) > sum(before.losses.values()):
-        return False
+        return False  # its floors may be higher: what its own captures differ by
     before = replace(before, floors=after.floors)
     gains = {group: before.excess[group] - left for group, left in after.excess.items()}
     return is_enough(gains, sum(gains.values()), MIN_GAIN, before.excess, share)

@@ -274,6 +274,19 @@ def test_what_is_left_is_compared_in_one_twins_floors():
     assert joint_way._leaves_as_little(narrow, ample) and joint_way._leaves_as_little(ample, narrow)
 
 
+@pytest.mark.parametrize(("noise", "closes"), [(1.0, True), (9.0, False)], ids=["less", "more"])
+def test_a_round_that_loses_more_closes_nothing(noise, closes):
+    """Fails if effects are named that raise what the twin's own captures differ by, its floors, above what they spoil."""
+    before, after = (
+        replace(base_twin(), groups={0: {name: np.full((1, 100), off) for name, off in groups.items()}}, floors=floors)
+        for groups, floors in (
+            ({"levels": 3.0, "noise": 1.0}, {}),
+            ({"levels": 1.0, "noise": noise}, {"noise": 20.0}),
+        )
+    )
+    assert joint_way._closes_enough(before, after) == closes
+
+
 @pytest.mark.parametrize(
     ("left", "patch"),
     [({"levels": 1.0}, False), ({"levels": 900.0, "corners": 1e5}, True), ({"corners": 900.0}, False)],
