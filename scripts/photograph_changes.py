@@ -17,9 +17,10 @@ from effects import library
 from gap.changes import Changes, changes
 from gap.photographs import expected_corners
 from gap.signature import OF_CODEC, Photograph
-from gap.signature_changes import laid_on_numbers, signature_changes
+from gap.signature_changes import laid_on_numbers, signature_changes, why_not_comparable
 from inputs import tables
 from inputs.campaign import Board
+from register.boards import nothing_found
 from register.finders import board_finder, board_views
 from rig.patches import board_patches, inverted_patches
 
@@ -109,18 +110,21 @@ def what_changed(sets, camera, effects=(), candidates=None, threads=1):
         s.photographs(camera, {c.view.capture: c.view for c in problem.captures})
         for s, problem in zip(sets, problems, strict=True)
     ]
-    showing = tuple([p for p in of_set if len(p.plates) >= MIN_PATCHES] for of_set in photographs)
+    placed = [{c.view.capture for c in problem.captures if c.observation.measured.any()} for problem in problems]
+    showing = tuple(
+        [p for p in of_set if p.view.capture in known and len(p.plates) >= MIN_PATCHES]
+        for of_set, known in zip(photographs, placed, strict=True)
+    )
     effects = [(name, p) for name, p in effects if library.is_pure_geometry(name)]  # all that points show
     points = changes(*problems, effects, candidates, threads)
-    try:
-        found, p_left = signature_changes(*showing, candidates, camera, threads)
-    except ValueError as why:
-        return WhatChanged(points, (), why_points_alone=str(why))
+    if why := why_not_comparable(*showing):
+        return WhatChanged(points, (), why_points_alone=why)
+    found, p_left = signature_changes(*showing, candidates, camera, threads)
     if found:
         again = list(problems)
         for less in (False, True):
             if laid := [effect for change in found if change.less == less for effect in change.laid]:
-                again[less] = with_laid_on(sets[less], camera, photographs[less], laid)
+                again[less] = with_laid_on(sets[less], camera, photographs[less], placed[less], laid)
         laid_on = changes(*again, effects, candidates, threads)
         if points.changes and laid_on.changes and not with_other_lens(showing, points, candidates, camera, threads):
             found, p_left = [], 1.0
@@ -139,17 +143,20 @@ def with_other_lens(photographs, points, candidates, camera, threads):
     lenses = [list(effects) for effects in points.last.effects]
     seen = [p.seen_by(*lenses) for p in photographs[0]], [p.interpolated_as_seen_by(*lenses) for p in photographs[1]]
     seen = [[p for p in of_set if len(p.plates) >= MIN_PATCHES] for of_set in seen]
-    try:
-        return signature_changes(*seen, candidates, camera, threads, OF_CODEC)[0]
-    except ValueError:
-        return []
+    return [] if why_not_comparable(*seen) else signature_changes(*seen, candidates, camera, threads, OF_CODEC)[0]
 
 
-def with_laid_on(of_set, camera, photographs, effects):
-    """Return the problem of a PhotographSet's points, found again in its photographs with effects laid on."""
+def with_laid_on(of_set, camera, photographs, placed, effects):
+    """Return the problem of a PhotographSet's points, found again in its photographs with effects laid on.
+
+    Of captures that are not ``placed``, a set of names, nobody knows from where they see the board: no effect is laid on them.
+    """
     board, view = of_set.board, photographs[0].view
     find, found = board_finder(board), {}
     for photograph in photographs:
+        if photograph.view.capture not in placed:
+            found[photograph.view.capture] = nothing_found()
+            continue
         image = np.ascontiguousarray(photograph.whole(effects, laid_on_numbers(photograph))[..., ::-1])
         found[photograph.view.capture] = find(image if image.shape[2] > 1 else image[..., 0])
     found = board_views(found, board, (view.width, view.height), (), str(of_set.campaign), [])

@@ -205,6 +205,8 @@ class Asked:
 
 def ask(fit, twin, names, labels):
     """Return {effect: Asked} of changes of some effects that a JointTwin has in common or lacks."""
+    if not names:
+        return {}
     free = fitted_parameters(list(twin.effects[0]))
     slots = Slots(free, twin.changed)
     columns = {n: [(n, k) for k in library.fitted_parameters(n) if not spec((n, k)).auxiliary] for n in names}

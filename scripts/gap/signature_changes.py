@@ -316,13 +316,18 @@ def matters(trial):
     )
 
 
+def why_not_comparable(before, after):
+    """Return why signatures of two sets of photographs cannot be compared, None where they can."""
+    if min(len(before), len(after)) < MIN_CAPTURES:
+        return f"{len(before)} and {len(after)} photographs show patches; {MIN_CAPTURES} of each are needed"
+    return None
+
+
 def signature_changes(before, after, candidates, seed_name, threads=1, uncounted=()):
     """Return ([SignatureChange], p of what is left) from photographs (gap.signature.Photograph) of one set to another's.
 
-    ``uncounted`` are names of signs that are not compared. Raises ValueError where a set has too few.
+    ``uncounted`` are names of signs that are not compared. Sets are large enough (``why_not_comparable``).
     """
-    if min(len(before), len(after)) < MIN_CAPTURES:
-        raise ValueError(f"{len(before)} and {len(after)} photographs show patches; {MIN_CAPTURES} of each are needed")
     with ThreadPoolExecutor(threads) as pool:
         each = pool.map if threads > 1 else map
         return _changes((before, after), candidates, seed_of("signatures", seed_name), each, uncounted)

@@ -1,5 +1,6 @@
 """Real photographs on which the generator lays an effect: what has changed is named, by its files as the workflow has them."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from find_changes import changes_record
 from photograph_changes import pixels_of, shines, what_changed
+from register.boards import LEAST_POINTS
 from trials.diagnose_trial import photograph_sets
 from trials.observe_trial import observe_trial
 from trials.real_trials import generate_real_trial
@@ -17,14 +19,20 @@ NAMES = ["lens_blur", "sharpening", "radial_distortion", "focal_length", "princi
 
 
 @pytest.fixture(scope="module")
-def blurred(tmp_path_factory):
-    """Return the record of what has changed in photographs by a real camera, on half of which a blur is laid."""
+def kept(tmp_path_factory):
+    """Return the folder of what was measured in photographs by a real camera, on half of which a blur is laid."""
     folder = tmp_path_factory.mktemp("real")
     name = generate_real_trial(folder / "campaigns", folder / "truths", RAW, 0, "blurred", effect="lens_blur")
     observe_trial(folder / "campaigns" / name, folder / "kept")
+    return folder / "kept"
+
+
+@pytest.fixture(scope="module")
+def blurred(kept):
+    """Return the record of what has changed in them."""
     unseen = dict.fromkeys(NAMES, "by points")
     alone = [{"campaign": part, "camera": CAMERA, "not_looked_at": unseen} for part in ("baseline", "changed")]
-    return changes_record(what_changed(photograph_sets(folder / "kept"), CAMERA, candidates=NAMES), alone)
+    return changes_record(what_changed(photograph_sets(kept), CAMERA, candidates=NAMES), alone)
 
 
 def test_another_blur_is_named_and_no_lens(blurred):
@@ -45,6 +53,22 @@ def test_the_difference_goes_away_with_what_has_a_name(blurred):
 def test_what_signatures_show_is_not_said_to_be_unseen(blurred):
     """Fails if the record names as not looked at what has just been looked at."""
     assert "lens_blur" not in blurred["not_looked_at"]
+
+
+def test_what_shows_too_few_points_for_a_pose_is_left_out(kept, tmp_path):
+    """Fails if one such photograph, whose distance nobody knows, ends the comparison of all: points alone would be looked at."""
+    folder = tmp_path / "kept"
+    shutil.copytree(kept, folder)
+    path = folder / "changed/observations.npz"
+    with np.load(path) as stored:
+        arrays = dict(stored)
+    points = arrays["pixels"].shape[1]
+    spread = np.linspace(0, points - 1, LEAST_POINTS - 1).round().astype(int)  # enough for a map of all patches
+    arrays["pixels"][0, ~np.isin(np.arange(points), spread)] = np.nan
+    np.savez(path, **arrays)
+    found = what_changed(photograph_sets(folder), CAMERA, candidates=["lens_blur", "defocus"])
+    assert found.why_points_alone is None and len(found.photographs[1]) == len(arrays["pixels"]) - 1
+    assert {found.signatures[0].effect, *found.signatures[0].one_of} == {"lens_blur", "defocus"}
 
 
 def test_a_board_with_black_and_white_swapped_is_noticed():
