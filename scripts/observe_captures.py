@@ -11,7 +11,7 @@ from case_files import load_case, read_capture, save_observations, save_points
 from inputs import tables
 from inputs.campaign import Board
 from inputs.images import read_image
-from register.finders import board_finder, board_views
+from register.finders import board_finder, board_views, by_finder, trusted_finder
 from register_captures import look_at_captures
 
 log = logging.getLogger("twingap")
@@ -42,9 +42,10 @@ def observe_board(expand, campaign, camera, board, out):
     size = int(row.width), int(row.height)
     found = look_at_captures(campaign, captures, size, board_finder(board))[1]
     images = (read_image(Path(campaign) / image) for image in captures.image)
-    found = board_views(found, board, size, images, f"{campaign}/campaign.yaml: target", [])
+    finder = trusted_finder(found, size, [])
+    found = board_views(by_finder(found, finder), board, images, f"{campaign}/campaign.yaml: target", [])
     with job.write_atomically(out, "wb") as file:
-        save_points(file, [found[name] for name in captures.capture])
+        save_points(file, [found[name] for name in captures.capture], finder)
     log.info("%s: %d points found in %d captures", camera, sum(len(v.image) for v in found.values()), len(found))
 
 

@@ -21,7 +21,7 @@ from gap.signature_changes import laid_on_numbers, signature_changes, why_not_co
 from inputs import tables
 from inputs.campaign import Board
 from register.boards import nothing_found
-from register.finders import board_finder, board_views
+from register.finders import SECTORS, USUAL, board_finder, board_views
 from rig.patches import board_patches, inverted_patches
 
 
@@ -39,6 +39,12 @@ class PhotographSet:
         """The inputs.campaign.Board that is photographed, None of a rig."""
         target = json.loads((Path(self.expand) / "scene.json").read_text())["target"]
         return Board.model_validate(target) if target else None
+
+    @property
+    def finder(self):
+        """The number of the finder that found the board's points (register.finders)."""
+        with np.load(self.observations) as stored:
+            return int(stored["finder"])
 
     def measured(self, camera, observations=None):
         """Return the problem of where points lie, from other ``observations`` than the set's own where given."""
@@ -110,7 +116,8 @@ def what_changed(sets, camera, effects=(), candidates=None, threads=1):
         s.photographs(camera, {c.view.capture: c.view for c in problem.captures})
         for s, problem in zip(sets, problems, strict=True)
     ]
-    placed = [{c.view.capture for c in problem.captures if c.observation.measured.any()} for problem in problems]
+    problems, finder = by_one_finder(sets, camera, problems, photographs)
+    placed = [placed_in(problem) for problem in problems]
     showing = tuple(
         [p for p in of_set if p.view.capture in known and len(p.plates) >= MIN_PATCHES]
         for of_set, known in zip(photographs, placed, strict=True)
@@ -124,13 +131,34 @@ def what_changed(sets, camera, effects=(), candidates=None, threads=1):
         again = list(problems)
         for less in (False, True):
             if laid := [effect for change in found if change.less == less for effect in change.laid]:
-                again[less] = with_laid_on(sets[less], camera, photographs[less], placed[less], laid)
+                again[less] = found_again(sets[less], camera, photographs[less], placed[less], laid, finder)
         laid_on = changes(*again, effects, candidates, threads)
         if points.changes and laid_on.changes and not with_other_lens(showing, points, candidates, camera, threads):
             found, p_left = [], 1.0
         elif points.changes or not laid_on.changes:
             points = laid_on
     return WhatChanged(points, tuple(found), p_left, showing)
+
+
+def by_one_finder(sets, camera, problems, photographs):
+    """Return (problems, number) of two PhotographSets in which one finder found the points: two differ by more than noise.
+
+    Where sets have another one each, it is that of sectors, if it sees as many photographs of the set that had the usual one.
+    """
+    finders = [s.finder for s in sets]
+    if finders[0] == finders[1]:
+        return problems, finders[0]
+    for finder in (SECTORS, USUAL):
+        k = finders.index(SECTORS + USUAL - finder)
+        every = {p.view.capture for p in photographs[k]}
+        again = found_again(sets[k], camera, photographs[k], every, [], finder)
+        if finder == USUAL or len(placed_in(again)) >= len(placed_in(problems[k])):
+            return [again if n == k else problem for n, problem in enumerate(problems)], finder
+
+
+def placed_in(problem):
+    """Return the names of the captures of a board's problem that show enough points for a pose."""
+    return {c.view.capture for c in problem.captures if c.observation.measured.any()}
 
 
 def with_other_lens(photographs, points, candidates, camera, threads):
@@ -146,22 +174,21 @@ def with_other_lens(photographs, points, candidates, camera, threads):
     return [] if why_not_comparable(*seen) else signature_changes(*seen, candidates, camera, threads, OF_CODEC)[0]
 
 
-def with_laid_on(of_set, camera, photographs, placed, effects):
-    """Return the problem of a PhotographSet's points, found again in its photographs with effects laid on.
+def found_again(of_set, camera, photographs, placed, effects, finder):
+    """Return the problem of a PhotographSet's points, found again by a finder in its photographs with effects laid on.
 
-    Of captures that are not ``placed``, a set of names, nobody knows from where they see the board: no effect is laid on them.
+    Of captures that are not ``placed``, a set of names, nobody knows from where they see the board: nothing is laid on them.
     """
-    board, view = of_set.board, photographs[0].view
-    find, found = board_finder(board), {}
+    board, find, found = of_set.board, board_finder(of_set.board), {}
     for photograph in photographs:
         if photograph.view.capture not in placed:
             found[photograph.view.capture] = nothing_found()
             continue
         image = np.ascontiguousarray(photograph.whole(effects, laid_on_numbers(photograph))[..., ::-1])
-        found[photograph.view.capture] = find(image if image.shape[2] > 1 else image[..., 0])
-    found = board_views(found, board, (view.width, view.height), (), str(of_set.campaign), [])
+        found[photograph.view.capture] = find(image if image.shape[2] > 1 else image[..., 0])[finder]
+    found = board_views(found, board, (), str(of_set.campaign), [])
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "observations.npz"
         with path.open("wb") as file:
-            save_points(file, [found[p.view.capture] for p in photographs])
+            save_points(file, [found[p.view.capture] for p in photographs], finder)
         return of_set.measured(camera, path)

@@ -18,7 +18,7 @@ from inputs.photo_facts import focal_px, photo_facts
 from inputs.safe_yaml import load_yaml, validation_message
 from register import calibration
 from register.board_checks import check_photographs, check_tilt
-from register.finders import board_finder, board_views, marker_finder, usable_views, views_of_markers
+from register.finders import better_finder, board_finder, board_views, marker_finder, usable_views, views_of_markers
 from register.outcomes import register_board, register_markers
 from register.registration import prior_of
 from rig.errors import InputError
@@ -86,7 +86,7 @@ def calibration_views(campaign, camera, size, messages):
     find = board_finder(board)
     found = {n: find(read_image(p, size)) for n, p in tqdm(paths.items(), desc="calibrating", mininterval=5)}
     images = (read_image(p, size) for p in paths.values())
-    return usable_views(board_views(found, board, size, images, str(where), messages))
+    return usable_views(board_views(better_finder(found, size, messages), board, images, str(where), messages))
 
 
 def opener(campaign, captures):
@@ -124,7 +124,7 @@ def register_captures(expand, campaign, camera, out_csv, out_json):
             hashes, found = look_at_captures(campaign, captures, size, board_finder(board))
             images = (read_image(Path(campaign) / c.image) for c in captures.itertuples())
             where = f"{campaign}/campaign.yaml: target"
-            seen = board_views(found, board, size, images, where, messages)
+            seen = board_views(better_finder(found, size, messages), board, images, where, messages)
             check_photographs(seen, board, opener(campaign, captures), where)
             views, register = usable_views(seen), register_board
         else:

@@ -10,6 +10,7 @@ from markers.contract import marker_corners_world, opencv_dictionary
 from register import boards, calibration
 from register.board_checks import only_fitting
 
+USUAL, SECTORS = 0, 1  # finders' places in what ``board_finder`` finds
 SECTORS_ARE_BETTER = 0.6  # the usual chessboard finder stays unless the other nearly halves the residual
 
 
@@ -99,30 +100,41 @@ def views_of_markers(seen):
     )
 
 
-def better_finder(found, size, messages):
-    """Return {name: BoardPoints} of the finder to trust, from {name: [BoardPoints by each finder]}.
+def trusted_finder(found, size, messages):
+    """Return the number of the finder to trust, USUAL or SECTORS, of {name: [BoardPoints by each finder]}.
 
     The sector-based chessboard finder is taken where it sees as many boards and nearly halves the residual.
     """
-    usual = {k: v[0] for k, v in found.items()}
-    sectors = {k: v[1] for k, v in found.items() if len(v) > 1}
-    views = [usable_views(f) for f in (usual, sectors)]
-    if len(views[1]) < max(len(views[0]), calibration.LEAST_VIEWS):
-        return usual
+    if any(len(points) == 1 for points in found.values()):
+        return USUAL
+    views = [usable_views(by_finder(found, k)) for k in (USUAL, SECTORS)]
+    if len(views[SECTORS]) < max(len(views[USUAL]), calibration.LEAST_VIEWS):
+        return USUAL
     rms = [calibration.calibrate(v, size, calibration.MODELS["5"])["rms_px"] if v else np.inf for v in views]
-    if rms[1] >= SECTORS_ARE_BETTER * rms[0]:
-        return usual
+    if rms[SECTORS] >= SECTORS_ARE_BETTER * rms[USUAL]:
+        return USUAL
     messages.append(f"sector-based chessboard finder: residual {rms[1]:.3f} px instead of {rms[0]:.3f} px")
-    return sectors
+    return SECTORS
 
 
-def board_views(found, board, size, images, where, messages):
-    """Return {name: BoardPoints} of the better finder; wrong colours are said, a wrong legacy flag raises InputError.
+def by_finder(found, number):
+    """Return {name: BoardPoints} of one finder, from {name: [BoardPoints by each finder]}."""
+    return {name: points[number] for name, points in found.items()}
+
+
+def better_finder(found, size, messages):
+    """Return {name: BoardPoints} of the finder to trust, from {name: [BoardPoints by each finder]}."""
+    return by_finder(found, trusted_finder(found, size, messages))
+
+
+def board_views(found, board, images, where, messages):
+    """Return {name: BoardPoints} without those that lie otherwise than on the board; wrong colours are said, a wrong legacy
+    flag raises InputError.
 
     images  iterable over the images, opened again only where no board is found
     where   file and key of the board's description, for messages
     """
-    points = only_fitting(better_finder(found, size, messages), board, messages)
+    points = only_fitting(found, board, messages)
     views = usable_views(points)
     if not views:
         boards.check_legacy_pattern(images, board, where)

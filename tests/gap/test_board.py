@@ -16,6 +16,7 @@ from gap.board import board_case, local_noise_px, scales_alone, seen_by_points
 from gap.derivatives import flat
 from gap.select_effects import verdict
 from gap.whole_lens import left_out_px, whole_lens_record, with_whole_lens
+from register.finders import USUAL
 from register.registration import NO_PRIOR
 from rig.geometry import camera_matrix, make_pose, perturb_pose, project
 
@@ -180,7 +181,7 @@ def test_points_of_photographs_come_back_where_they_were_seen(tmp_path):
         for n, k in enumerate(seen)
     ]
     file = io.BytesIO()
-    save_points(file, found)
+    save_points(file, found, USUAL)
     file.seek(0)
     stored = np.load(file)
     for n, k in enumerate(seen):

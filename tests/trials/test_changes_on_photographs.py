@@ -2,13 +2,16 @@
 
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+import photograph_changes
 from find_changes import changes_record
-from photograph_changes import pixels_of, shines, what_changed
+from photograph_changes import by_one_finder, pixels_of, shines, what_changed
 from register.boards import LEAST_POINTS
+from register.finders import SECTORS, USUAL
 from trials.diagnose_trial import photograph_sets
 from trials.observe_trial import observe_trial
 from trials.real_trials import generate_real_trial
@@ -69,6 +72,35 @@ def test_what_shows_too_few_points_for_a_pose_is_left_out(kept, tmp_path):
     found = what_changed(photograph_sets(folder), CAMERA, candidates=["lens_blur", "defocus"])
     assert found.why_points_alone is None and len(found.photographs[1]) == len(arrays["pixels"]) - 1
     assert {found.signatures[0].effect, *found.signatures[0].one_of} == {"lens_blur", "defocus"}
+
+
+@pytest.mark.parametrize(("seen", "finder", "again"), [(3, SECTORS, [1]), (2, USUAL, [1, 0])], ids=["all", "fewer"])
+def test_sets_are_compared_by_one_finder(monkeypatch, seen, finder, again):
+    """Fails if a set whose points another finder found seems to have changed: twice in a dozen where nothing had, before."""
+    usual, sectors, of_sectors = (measured_in(number, n) for number, n in ((USUAL, 3), (SECTORS, 3), (SECTORS, seen)))
+    asked = []
+
+    def found_again(of_set, camera, photographs, placed, effects, number):
+        asked.append(of_set.number)
+        return of_sectors if number == SECTORS else usual
+
+    monkeypatch.setattr(photograph_changes, "found_again", found_again)
+    sets = [SimpleNamespace(number=k, finder=finder) for k, finder in enumerate((SECTORS, USUAL))]
+    problems, number = by_one_finder(sets, "camera", [sectors, usual], [[], []])
+    assert number == finder and asked == again and {p.finder for p in problems} == {finder}
+    same = [SimpleNamespace(finder=SECTORS)] * 2
+    assert by_one_finder(same, "camera", [sectors, sectors], [[], []]) == ([sectors, sectors], SECTORS)
+
+
+def measured_in(finder, number):
+    """Return a problem by a finder: of three photographs so many show enough points."""
+    captures = [
+        SimpleNamespace(
+            view=SimpleNamespace(capture=str(k)), observation=SimpleNamespace(measured=np.array([k < number]))
+        )
+        for k in range(3)
+    ]
+    return SimpleNamespace(finder=finder, captures=captures)
 
 
 def test_a_board_with_black_and_white_swapped_is_noticed():
