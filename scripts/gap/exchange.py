@@ -1,9 +1,12 @@
 """Short fits in a few captures, and which of several effects does best in one's place beside all others."""
 
+from effects import library
 from gap.search import MAX_STARTS, MIN_GAIN, SCALE_FROM_NEAR, SCALE_FROM_START
 from gap.split import probes
+from gap.standing import MIN_SHARE
 
 FURTHER_ITERATIONS = 3  # of a fit after a change to it
+MAX_SIMPLE = 3  # parameters of an effect that has no more than one form
 
 
 def short_fit(search, effects, poses, scale, iterations=FURTHER_ITERATIONS, moving=None, rough=()):
@@ -16,6 +19,8 @@ def short_fit(search, effects, poses, scale, iterations=FURTHER_ITERATIONS, movi
 def exchanged(search, end, name, rivals, iterations=FURTHER_ITERATIONS):
     """Return (Descent in which an effect or one of its rivals has its place, whichever leaves least, its name, the others
     [(name, p)] that leave as little): all fitted as long, for so many ``iterations``.
+
+    One of many forms takes a simple one's place only where it leaves ``MIN_SHARE`` less: it fits what is missing besides as well.
     """
     effects, poses = end.state.effects, end.state.poses
     others = [e for e in effects if e[0] != name]
@@ -27,9 +32,21 @@ def exchanged(search, end, name, rivals, iterations=FURTHER_ITERATIONS):
     if min(map(loss_of, ends.values())) < end.loss + MIN_GAIN:
         end = min(end, short_fit(search, effects, poses, SCALE_FROM_NEAR, iterations), key=loss_of)
     ends[name] = end
-    kept = min(sorted(ends), key=lambda n: ends[n].loss)
-    near = [n for n in sorted(ends) if n != kept and ends[n].loss < ends[kept].loss + MIN_GAIN]
+    held_back = 1.0 if has_forms(name) else 1 / (1 - MIN_SHARE)
+    left = {n: ends[n].loss * (held_back if has_forms(n) else 1.0) for n in sorted(ends)}
+    kept = min(left, key=left.get)
+    near = [n for n in left if n != kept and left[n] < left[kept] + MIN_GAIN]
     return ends[kept], kept, [(n, dict(ends[n].state.effects)[n]) for n in near]
+
+
+def is_simple(name):
+    """Return whether an effect has few parameters: one form, with which little else can be mimicked."""
+    return len(library.fitted_parameters(name)) <= MAX_SIMPLE
+
+
+def has_forms(name):
+    """Return whether an effect of photometry has many forms: a curve, say. Moves of points are told by corners alone."""
+    return not (is_simple(name) or library.is_pure_geometry(name))
 
 
 def or_leader_alone(search, twin, proposal, end, iterations):

@@ -9,6 +9,7 @@ from itertools import groupby
 import numpy as np
 
 from effects import library
+from gap.exchange import is_simple
 from gap.joint_way import MANY, all_at_once, twins_on_the_way
 from gap.outcome import Selection, Step, outcome_of, without_unneeded
 from gap.search import MAX_PARAMETERS, MIN_GAIN, Search, confused_with, errors_to_exceed, is_significant
@@ -26,7 +27,6 @@ from gap.twin import rank
 
 MAX_TRIED, MAX_TRIED_AGAIN = 6, 4  # candidates that are fitted at first and in later steps; others stay at their null
 MIN_SHARE_OF_BEST = 0.03  # of the largest predicted gain: less is not fitted in this step
-MAX_SIMPLE = 3  # parameters of an effect that has no more than one form
 MAX_UNDERSTATED = 3.0  # times the predicted gain that an effect may really have
 RIVALS = 0.7  # share of the largest predicted gain from which an effect is tried that can only be another name
 MIN_STATIONS = 0.7  # share of held-out stations that must not lose: a highlight is not seen from everywhere
@@ -215,11 +215,6 @@ def _in_its_place(search, base, outcome, step, simpler, twin, before):
     steps = [replace(s, twin=t) for s, t in zip(steps, there, strict=True)]
     left = [*(c for c in outcome.left if c.effect not in simpler), search.null_candidate(twin, step.effect)]
     return outcome_of(search.problem, steps, rank(left), twin, before)
-
-
-def is_simple(name):
-    """Return whether an effect has few parameters: one form, with which little else can be mimicked."""
-    return len(library.fitted_parameters(name)) <= MAX_SIMPLE
 
 
 def _with_flexible(selection, base, first, best, before):

@@ -177,6 +177,25 @@ def test_the_name_is_that_of_what_leaves_least(monkeypatch, loss_px, kept, as_go
     assert [n for n, _ in others] == as_good
 
 
+@pytest.mark.parametrize(
+    ("held", "rival", "loss", "kept"),
+    [
+        ("exposure", "tone_curve", 900.0, "exposure"),
+        ("exposure", "tone_curve", 800.0, "tone_curve"),
+        ("denoising", "tone_curve", 900.0, "tone_curve"),
+        ("principal_point", "rolling_shutter", 900.0, "rolling_shutter"),
+    ],
+    ids=["a form that saves little", "much", "a form's place", "moves of points"],
+)
+def test_a_form_takes_a_simple_effects_place_only_where_it_saves_much(monkeypatch, held, rival, loss, kept):
+    """Fails if a curve takes the name of an exposure because it also fits a little of what is missing besides."""
+    losses = {held: 1000.0, rival: loss}
+    monkeypatch.setattr(exchange, "short_fit", lambda _, effects, *__: descent(losses[effects[-1][0]], effects[-1][0]))
+    search = SimpleNamespace(problem=SimpleNamespace(starts_of=library.starts_of))
+    _, name, others = exchange.exchanged(search, descent(1000.0, held), held, [rival])
+    assert name == kept and not others
+
+
 @pytest.mark.parametrize(("scale", "asked"), [(1.2, ["exposure"]), (1.0001, [])], ids=["acts", "is idle"])
 def test_rivals_of_what_is_idle_are_not_fitted(monkeypatch, scale, asked):
     """Fails if time is spent on other names of what is worth none, or an effect that acts is not compared with its rivals."""
