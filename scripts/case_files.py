@@ -150,9 +150,7 @@ def load_patches(expand, register_json, camera, patches, points, twin, declared)
     with np.load(patches) as stored:
         arrays = {name: stored[name] for name in ("plates", "features", "signs", "lights", "channels")}
     usable = ((arrays["plates"] >= 0).sum(1) >= MIN_PATCHES) & np.isfinite(arrays["lights"]).all(1)
-    usable &= [
-        c.observation.measured.any() for c in points.captures
-    ]  # of the others nobody knows from where they see it
+    usable &= [c.observation.measured.any() for c in points.captures]  # others have no pose
     if usable.sum() < MIN_PHOTOGRAPHS:
         raise ValueError("too few photographs show the board's cells, white and black, at a size that can be measured")
     given = [(n, p) for n, p in twin.effects if not can_be_laid_on(n)]

@@ -17,10 +17,8 @@ from rig.plates import aruco_dictionary
 SUBPIX_WINDOW = (5, 5)
 SUBPIX_STOP = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 40, 0.001)
 LEAST_POINTS = 8
-MAX_OFF_LINE, MAX_BENT = (
-    0.1,
-    0.2,
-)  # of a square: cut squares are 0.16 to 0.5 off; what a wide lens bends the end of a line by
+MAX_OFF_LINE = 0.1  # of a square: corners of cut squares are 0.16 to 0.5 off
+MAX_BENT = 0.2  # of a square, that a wide lens bends the ends of lines by
 CHARUCO_OFFSET_PX = 0.5  # of the installed OpenCV's corners (opencv#25539, gone with pull request 28380)
 
 
