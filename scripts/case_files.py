@@ -16,6 +16,7 @@ from gap.photographs import photographs_case
 from gap.problem import MARGIN_PX, Capture, Case, encoding_table
 from gap.signature_case import SignatureCase, seen_patches, twin_photograph
 from gap.signature_changes import can_be_laid_on
+from gap.split import usable
 from inputs import tables
 from inputs.campaign import Board
 from inputs.images import read_image
@@ -149,13 +150,13 @@ def load_patches(expand, register_json, camera, patches, points, twin, declared)
     drawn = load_photographs(expand, register_json, camera, board_patches(Board.model_validate(target)))
     with np.load(patches) as stored:
         arrays = {name: stored[name] for name in ("plates", "features", "signs", "lights", "channels")}
-    usable = ((arrays["plates"] >= 0).sum(1) >= MIN_PATCHES) & np.isfinite(arrays["lights"]).all(1)
-    usable &= [c.observation.measured.any() for c in points.captures]  # others have no pose
-    if usable.sum() < MIN_PHOTOGRAPHS:
+    showing = ((arrays["plates"] >= 0).sum(1) >= MIN_PATCHES) & np.isfinite(arrays["lights"]).all(1)
+    chosen = usable(np.flatnonzero(showing), points)  # others have no pose
+    if len(chosen) < MIN_PHOTOGRAPHS:
         raise ValueError("too few photographs show the board's cells, white and black, at a size that can be measured")
     given = [(n, p) for n, p in twin.effects if not can_be_laid_on(n)]
     captures, twins = [], []
-    for i in np.flatnonzero(usable):
+    for i in chosen:
         theirs = points.captures[i].view
         view = replace(theirs, T_cam_world=perturb_pose(theirs.T_cam_world, twin.poses[i]))
         kept = arrays["plates"][i] >= 0
@@ -164,7 +165,7 @@ def load_patches(expand, register_json, camera, patches, points, twin, declared)
         in_colour = bool(arrays["channels"][i] > 1)
         own = declared.get(view.capture, ())
         twins.append(twin_photograph(drawn, view, given, arrays["lights"][i], plates, features, in_colour, own))
-    return SignatureCase(drawn.campaign, camera, captures, twins, arrays["signs"][usable])
+    return SignatureCase(drawn.campaign, camera, captures, twins, arrays["signs"][chosen])
 
 
 def load_photographs(expand, register_json, camera, patches):

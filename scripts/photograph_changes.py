@@ -18,10 +18,11 @@ from gap.changes import Changes, changes
 from gap.photographs import expected_corners
 from gap.signature import OF_CODEC, Photograph
 from gap.signature_changes import laid_on_numbers, signature_changes, why_not_comparable
+from gap.split import usable
 from inputs import tables
 from inputs.campaign import Board
 from register.boards import nothing_found
-from register.finders import SECTORS, USUAL, board_finder, board_views
+from register.finders import SECTORS, USUAL, board_finders, board_views
 from rig.patches import board_patches, inverted_patches
 
 
@@ -149,7 +150,7 @@ def by_one_finder(sets, camera, problems, photographs):
     if finders[0] == finders[1]:
         return problems, finders[0]
     for finder in (SECTORS, USUAL):
-        k = finders.index(SECTORS + USUAL - finder)
+        k = next(k for k, own in enumerate(finders) if own != finder)
         every = {p.view.capture for p in photographs[k]}
         again = found_again(sets[k], camera, photographs[k], every, [], finder)
         if finder == USUAL or len(placed_in(again)) >= len(placed_in(problems[k])):
@@ -158,7 +159,7 @@ def by_one_finder(sets, camera, problems, photographs):
 
 def placed_in(problem):
     """Return the names of the captures of a board's problem that show enough points for a pose."""
-    return {c.view.capture for c in problem.captures if c.observation.measured.any()}
+    return {problem.captures[i].view.capture for i in usable(range(len(problem.captures)), problem)}
 
 
 def with_other_lens(photographs, points, candidates, camera, threads):
@@ -179,13 +180,14 @@ def found_again(of_set, camera, photographs, placed, effects, finder):
 
     Of captures that are not ``placed``, a set of names, nobody knows from where they see the board: nothing is laid on them.
     """
-    board, find, found = of_set.board, board_finder(of_set.board), {}
+    board, found = of_set.board, {}
+    find = board_finders(board)[finder]
     for photograph in photographs:
         if photograph.view.capture not in placed:
             found[photograph.view.capture] = nothing_found()
             continue
         image = np.ascontiguousarray(photograph.whole(effects, laid_on_numbers(photograph))[..., ::-1])
-        found[photograph.view.capture] = find(image if image.shape[2] > 1 else image[..., 0])[finder]
+        found[photograph.view.capture] = find(image if image.shape[2] > 1 else image[..., 0])
     found = board_views(found, board, (), str(of_set.campaign), [])
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "observations.npz"

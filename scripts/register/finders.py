@@ -1,6 +1,7 @@
 """What images show of a rig: its markers, or the points of its board by the finder to trust."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import cv2
 import numpy as np
@@ -10,7 +11,7 @@ from markers.contract import marker_corners_world, opencv_dictionary
 from register import boards, calibration
 from register.board_checks import only_fitting
 
-USUAL, SECTORS = 0, 1  # finders' places in what ``board_finder`` finds
+USUAL, SECTORS = 0, 1  # places of finders
 SECTORS_ARE_BETTER = 0.6  # the usual chessboard finder stays unless the other nearly halves the residual
 
 
@@ -76,16 +77,18 @@ def _by_contract(detector):
     return lambda grey: [(d.corners, d.id) for d in detector.detect(grey)]
 
 
+def board_finders(board):
+    """Return functions of an image that return its BoardPoints: one, for a chessboard two, in USUAL's and SECTORS' places."""
+    finders = [boards.find_board]
+    if board.type == "chessboard":
+        finders.append(boards.find_chessboard_by_sectors)
+    return [partial(find, board=board) for find in finders]
+
+
 def board_finder(board):
-    """Return a function of an image that returns its BoardPoints by each finder: one, for a chessboard two."""
-
-    def find(image):
-        found = [boards.find_board(image, board)]
-        if board.type == "chessboard":
-            found.append(boards.find_chessboard_by_sectors(image, board))
-        return found
-
-    return find
+    """Return a function of an image that returns its BoardPoints by each finder."""
+    finders = board_finders(board)
+    return lambda image: [find(image) for find in finders]
 
 
 def usable_views(found):
@@ -113,7 +116,7 @@ def trusted_finder(found, size, messages):
     rms = [calibration.calibrate(v, size, calibration.MODELS["5"])["rms_px"] if v else np.inf for v in views]
     if rms[SECTORS] >= SECTORS_ARE_BETTER * rms[USUAL]:
         return USUAL
-    messages.append(f"sector-based chessboard finder: residual {rms[1]:.3f} px instead of {rms[0]:.3f} px")
+    messages.append(f"sector-based chessboard finder: residual {rms[SECTORS]:.3f} px instead of {rms[USUAL]:.3f} px")
     return SECTORS
 
 

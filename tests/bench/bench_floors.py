@@ -49,9 +49,8 @@ encoding: srgb
 
 def pose(rng):
     """Return a rotation vector (3,) and the place (3,) of a board's middle before the camera: x right, y down, z ahead."""
-    return np.array([*rng.uniform(-0.6, 0.6, 2), rng.uniform(-0.4, 0.4)]), np.array(
-        [*rng.uniform(-0.03, 0.03, 2), rng.uniform(0.34, 0.5)]
-    )
+    rotation = np.array([*rng.uniform(-0.6, 0.6, 2), rng.uniform(-0.4, 0.4)])
+    return rotation, np.array([*rng.uniform(-0.03, 0.03, 2), rng.uniform(0.34, 0.5)])
 
 
 def mounted(rotation, place, rng):
@@ -92,11 +91,11 @@ def write_campaign(folder, seed):
     rng = nominal.rng_of("floors", seed)
     names = ["sensor_noise", *(name for name in ALSO if rng.random() < 0.5)]
     retaken = Retaken(CAMERA, {n: draw_effect(n, float(rng.uniform(0.5, 2.0)), CAMERA, seed) for n in names}, seed)
+    x, y = ((m - c) / CAMERA.fx for m, c in zip(retaken.maps[0], (CAMERA.cx, CAMERA.cy), strict=True))
     captures = []
     for k in range(STATIONS):
         station = pose(rng)
         for trial in range(2):
-            x, y = ((m - c) / CAMERA.fx for m, c in zip(retaken.maps[0], (CAMERA.cx, CAMERA.cy), strict=True))
             light = light_at(x, y, *mounted(*station, rng), 1 / optics.FINE)
             capture = f"p{k:02d}-{trial}"
             image = retaken.of_light([light], nominal.rng_of("floors", seed, capture))

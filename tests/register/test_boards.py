@@ -143,13 +143,11 @@ def test_an_empty_image_shows_no_board():
 
 
 def test_corners_of_squares_that_the_frame_cuts_are_left_out():
-    """Fails if the corner of what is left of a cut square is a point of the board, up to half a square from where that is: one
-    such photograph of fourteen spoiled the camera's lens. Fails if a wide lens, which bends all lines' ends, loses true ones.
+    """Fails if the corner of what is left of a cut square is a point of the board, up to half a square from where that is,
+    or if a wide lens, which bends the ends of all lines, loses true corners.
     """
     x, y = np.meshgrid(np.arange(9.0), np.arange(6.0))
-    grid = np.stack(
-        [140 + 45 * x + 2 * y, 210 + 50 * y - 3 * x + 0.4 * y**2], axis=-1
-    )  # the last row at 470 to 446 of 480
+    grid = np.stack([140 + 45 * x + 2 * y, 210 + 50 * y - 3 * x + 0.4 * y**2], axis=-1)  # last row: 470 to 446 of 480
     cut = grid.copy()
     cut[5, :3] += [[0.0, -23.0], [-7.0, -8.0], [6.0, -6.0]]
     whole = boards.whole_corners(cut, (480, 640))

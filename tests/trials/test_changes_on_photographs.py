@@ -76,7 +76,7 @@ def test_what_shows_too_few_points_for_a_pose_is_left_out(kept, tmp_path):
 
 @pytest.mark.parametrize(("seen", "finder", "again"), [(3, SECTORS, [1]), (2, USUAL, [1, 0])], ids=["all", "fewer"])
 def test_sets_are_compared_by_one_finder(monkeypatch, seen, finder, again):
-    """Fails if a set whose points another finder found seems to have changed: twice in a dozen where nothing had, before."""
+    """Fails if a set whose points another finder found seems to have changed, or if it is compared with fewer photographs."""
     usual, sectors, of_sectors = (measured_in(number, n) for number, n in ((USUAL, 3), (SECTORS, 3), (SECTORS, seen)))
     asked = []
 
