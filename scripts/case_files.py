@@ -154,7 +154,7 @@ def load_patches(expand, register_json, camera, patches, points, twin, declared)
     chosen = usable(np.flatnonzero(showing), points)  # others have no pose
     if len(chosen) < MIN_PHOTOGRAPHS:
         raise ValueError("too few photographs show the board's cells, white and black, at a size that can be measured")
-    given = [(n, p) for n, p in twin.effects if not can_be_laid_on(n)]
+    given = [(n, p) for n, p in twin.effects if not (can_be_laid_on(n) or library.changes_ink(n))]
     captures, twins = [], []
     for i in chosen:
         theirs = points.captures[i].view

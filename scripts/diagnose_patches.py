@@ -16,10 +16,10 @@ from job import seed_of
 
 ONLY_REPEATS = "only repeats of a station would tell it from noise"
 LIKE_LIGHT = "each photograph's own light, exposure and white balance would show the same"
-OF_THE_SCENE = "the board's print and its light are taken as each photograph shows them"
+OF_THE_SCENE = "the board's white, black and light are taken as each photograph shows them"
 NO_COLOURS = "the photographs have no colours"
 DECLARED = "the photographs' files say it themselves"
-PREDICTIONS_EACH = 15  # of a budget, that one of a signature counts for
+PREDICTIONS_EACH = 8  # of a budget, that one of a signature counts for
 
 
 def look_at_patches(files, points, outcome, candidates, fixed, declared, budget, threads, progress, store):
@@ -30,7 +30,7 @@ def look_at_patches(files, points, outcome, candidates, fixed, declared, budget,
     Raises ValueError where too little of the board can be measured.
     """
     case = load_patches(*files, points, outcome.twin, declared)
-    configured = [(n, p) for n, p in outcome.twin.effects if can_be_laid_on(n)]
+    configured = [(n, p) for n, p in outcome.twin.effects if can_be_laid_on(n) or library.changes_ink(n)]
     names, why = competing(case, candidates, {name for effects in declared.values() for name, _ in effects})
     return *verdict(
         case, configured, names, fixed, budget / PREDICTIONS_EACH / case.effort, threads, progress, store
@@ -40,7 +40,7 @@ def look_at_patches(files, points, outcome, candidates, fixed, declared, budget,
 def competing(case, names, declared):
     """Return (names of effects that can compete, {name: why it does not} of the others) of a SignatureCase."""
     in_colour = all(twin.in_colour for twin in case.twins)
-    why = {n: OF_THE_SCENE for n in names if not can_be_laid_on(n)}
+    why = {n: OF_THE_SCENE for n in names if not (can_be_laid_on(n) or library.changes_ink(n))}
     why |= {n: NO_COLOURS for n in names if library.needs_colour(n) and not in_colour}
     why |= {n: DECLARED for n in declared if n in names}
     why |= {n: ONLY_REPEATS for n in names if library.needs_repeats(n)}

@@ -1,6 +1,6 @@
 """The library of effects: what each says of itself."""
 
-from effects.base import PLACE, STAGES
+from effects.base import PLACE, STAGES, Scene
 from effects.contract import available_effects
 from rig.errors import InputError
 
@@ -100,6 +100,11 @@ def needs_repeats(name):
     return getattr(effect_named(name), "NEEDS_REPEATS", False)
 
 
+def filters_noise(name):
+    """Return whether an effect makes more or less of the noise of neighbouring pixels, a filter of images."""
+    return hasattr(effect_named(name), "noise_kernel")
+
+
 def is_of_boards(name):
     """Return whether an effect competes for photographs of a calibration board alone: a rig's numbers exclude it."""
     return getattr(effect_named(name), "ONLY_BOARDS", False)
@@ -116,6 +121,15 @@ def shared_where_open(left_open):
     own = dict(own_where_open(left_open))
     found = [(n, getattr(module, "SHARED_WHERE_OPEN", ())) for n, module in available_effects().items()]
     return [n for n, shared in found if n not in own and set(shared) & set(left_open)]
+
+
+def changes_ink(name):
+    """Return whether an effect changes where black is printed, of what stays in its place."""
+    change, scene = getattr(effect_named(name), "change_scene", None), Scene((), 1.0, 0.0, 0.0, 0.0)
+    if change is None or is_pure_geometry(name):
+        return False
+    most = {key: p.upper for key, p in parameters_of(name).items()}
+    return change(scene, most).ink_spread_m != scene.ink_spread_m
 
 
 def is_of_lens(name):

@@ -20,7 +20,7 @@ from gap.linear_model import (
     proposed,
     selected,
 )
-from gap.outcome import Selection, Step, outcome_of, without_unneeded
+from gap.outcome import Selection, Step, outcome_of, twins_on_the_way, without_unneeded
 from gap.parameters import get_parameter, spec
 from gap.residuals import GROUPS
 from gap.search import (
@@ -51,7 +51,7 @@ def all_at_once(selection, base, twin, names, before, taken=()):
     the twin, the Steps ``taken``, as well. ``before`` is the first excess.
     """
     problem = selection.search.problem
-    if problem.is_board or is_at_floor(twin):
+    if problem.is_board or is_at_floor(twin) or frozenset(twin.names) in selection.ended:
         return None
     outcome = _together(selection, base, twin, names, before, taken, first_proposal)
     shown = any(problem.shows(n) for n in names if n not in twin.names)
@@ -79,6 +79,7 @@ def _together(selection, base, twin, names, before, taken, propose):
         found = search.fitted([e for e in found.effects if e[0] not in idle], found.poses)
     found, _ = without_unneeded(search, found, base.names, [])
     found = _without_patches(search, found, base)
+    selection.ended.add(frozenset(found.names))
     steps = _steps_to(search, base, found, [*(s.effect for s in taken), *order])
     known = {s.effect: s for s in taken}
     steps = [_told_apart(step, known.get(step.effect), alike.get(step.effect, []), found) for step in steps]
@@ -386,15 +387,3 @@ def _steps_to(search, base, twin, order):
         steps.append(Step(name, after, (), (), max(gains, key=gains.get)))
         before = after
     return steps
-
-
-def twins_on_the_way(search, base, twin, names):
-    """Return the Twins from a base to a Twin, effects ``names`` of its own added one after the other with their values there."""
-    sets = [{*base.names, *names[: k + 1]} for k in range(len(names) - 1)]
-    return [*(_valued(search, [e for e in twin.effects if e[0] in s], twin) for s in sets), *([twin] if names else [])]
-
-
-def _valued(search, effects, twin):
-    """Return the Twin of some of a Twin's effects with the values that they have there."""
-    poses, groups = search.solver.score(effects, twin.poses, search.test)
-    return replace(twin, effects=tuple(effects), poses=poses, groups=groups, errors={}, cautious_errors={}, evidence={})

@@ -120,10 +120,25 @@ def selected(search, twin, ways, model, least_share=MIN_SHARE_PROPOSED, share_of
         best = _simpler(left, gains, best)
         taken.append(left[best])
         left = [way for way in left if way.effect != taken[-1].effect]
-    steps = model.steps([k for way in taken for k in way.columns])
-    guesses = [(way.effect, _first_guess(search, twin, way, steps)) for way in taken]
+    noise = _noise_beside(search, twin, taken, left, model)
+    steps = model.steps([k for way in [*taken, *noise[:1]] for k in way.columns])
+    guesses = [(way.effect, _first_guess(search, twin, way, steps)) for way in [*taken, *noise[:1]]]
     rivals = {way.effect: _rivals(model, way, taken, left) for way in taken if way.effect not in shown}
+    rivals |= {way.effect: sorted({w.effect for w in noise} - {way.effect}) for way in noise[:1]}
     return Proposal(guesses, dict.fromkeys(shown, []) | rivals)
+
+
+def _noise_beside(search, twin, taken, left, model):
+    """Return the Ways of noise left, the most promising first, where something taken filters noise and nothing adds any; or [].
+
+    What smooths noise hides it, however much there is: alone neither promises anything.
+    """
+    filters = any(library.filters_noise(w.effect) and not search.problem.shows(w.effect) for w in taken)
+    if not filters or any(map(library.adds_noise, [*twin.names, *(way.effect for way in taken)])):
+        return []
+    columns = [k for way in taken for k in way.columns]
+    makers = [way for way in left if library.adds_noise(way.effect)]
+    return sorted(makers, key=lambda way: -model.gain([*columns, *way.columns]))
 
 
 def _simpler(ways, gains, best):

@@ -1,6 +1,6 @@
 """Where a search stands: the sets of effects that it has had, its steps, and the outcome of a way through it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gap.search import Search
 from gap.standing import verdict_of
@@ -43,6 +43,7 @@ class Selection:
     """A search with the sets of effects that it has had: a path that comes back to one ends.
 
     gains  {effect: what it promised as the base's first effect}
+    ended  sets in which many effects at once ended: beside them no more are found so
     """
 
     search: Search
@@ -51,7 +52,7 @@ class Selection:
     progress: object = None
 
     def __post_init__(self):
-        self.had = set()
+        self.had, self.ended = set(), set()
 
     def is_spent(self):
         """Return whether the budget is used up."""
@@ -81,3 +82,15 @@ def without_unneeded(search, twin, kept, steps):
         if rest:
             return without_unneeded(search, rest, kept, [s for s in steps if s.effect != name])
     return twin, steps
+
+
+def twins_on_the_way(search, base, twin, names):
+    """Return the Twins from a base to a Twin, effects ``names`` of its own added one after the other with their values there."""
+    sets = [{*base.names, *names[: k + 1]} for k in range(len(names) - 1)]
+    return [*(_valued(search, [e for e in twin.effects if e[0] in s], twin) for s in sets), *([twin] if names else [])]
+
+
+def _valued(search, effects, twin):
+    """Return the Twin of some of a Twin's effects with the values that they have there."""
+    poses, groups = search.solver.score(effects, twin.poses, search.test)
+    return replace(twin, effects=tuple(effects), poses=poses, groups=groups, errors={}, cautious_errors={}, evidence={})

@@ -280,7 +280,7 @@ class Search:
         At its null where a Candidate ``lead`` leaves much less open in a few captures.
         """
         free = self.free([(effect, library.nulls_of(effect))])
-        start = self._start(twin, effect, free, lead)
+        start = self.start(twin, effect, free, lead)
         if start is None:
             return self.null_candidate(twin, effect)
         beside = beside if self.problem.draws else self.free(twin.effects)  # what costs nothing is always refitted
@@ -293,16 +293,15 @@ class Search:
         return self._candidate(twin, effect, self.scored(fit, free, twin.floors))
 
     @kept
-    def try_jointly(self, twin, effect):
-        """Return the complete Candidate of one effect added to a twin: what has no rival needs no fit of its own first."""
-        start = self._start(twin, effect, self.free([(effect, library.nulls_of(effect))]))
-        new = self.fitted(start, twin.poses, SCALE_FROM_START)
+    def try_jointly(self, twin, effect, start, poses):
+        """Return the complete Candidate of one effect added to a twin, all fitted together from effects and poses."""
+        new = self.fitted(start, poses, SCALE_FROM_START)
         chosen = self.discrete.with_choices(effect, new)
         if chosen != list(new.effects):
             new = min(new, self.fitted(chosen, new.poses), key=lambda t: t.loss)
         return replace(self._candidate(twin, effect, new), complete=True)
 
-    def _start(self, twin, effect, free, lead=None):
+    def start(self, twin, effect, free, lead=None):
         """Return the effects from which a fit of one more starts; None where a Candidate ``lead`` leaves much less open."""
         starts = [[*twin.effects, (effect, start)] for start in self._likely_starts(twin, effect)]
         if len(starts) == 1 and not lead:

@@ -9,10 +9,20 @@ from itertools import groupby
 import numpy as np
 
 from effects import library
-from gap.exchange import is_simple
-from gap.joint_way import MANY, all_at_once, twins_on_the_way
-from gap.outcome import Selection, Step, outcome_of, without_unneeded
-from gap.search import MAX_PARAMETERS, MIN_GAIN, Search, confused_with, errors_to_exceed, is_significant
+from gap.exchange import is_simple, loss_of, short_fit
+from gap.joint_way import MANY, all_at_once
+from gap.outcome import Selection, Step, outcome_of, twins_on_the_way, without_unneeded
+from gap.search import (
+    ITERATIONS_OF_STARTS,
+    MAX_PARAMETERS,
+    MAX_STARTS,
+    MIN_GAIN,
+    SCALE_FROM_START,
+    Search,
+    confused_with,
+    errors_to_exceed,
+    is_significant,
+)
 from gap.standing import (
     CLOSED,
     MAX_FLOOR_GAP,
@@ -26,6 +36,7 @@ from gap.standing import (
 from gap.twin import rank
 
 MAX_TRIED, MAX_TRIED_AGAIN = 6, 4  # candidates that are fitted at first and in later steps; others stay at their null
+MAX_TRIED_WHOLLY = 2  # of those that left least after a short fit of everything
 MIN_SHARE_OF_BEST = 0.03  # of the largest predicted gain: less is not fitted in this step
 MAX_UNDERSTATED = 3.0  # times the predicted gain that an effect may really have
 RIVALS = 0.7  # share of the largest predicted gain from which an effect is tried that can only be another name
@@ -122,6 +133,9 @@ def path(selection, base, first, before, start_with=None, taken=(), kept=()):
     steps, candidates, names = list(taken), rank(first), [c.effect for c in first]
     while not selection.is_spent():
         missing = [c for c in candidates if is_missing_from(search, twin, c)]
+        if not missing and search.problem.promises_little and not is_at_floor(twin):
+            candidates = try_by_short_fits(search, twin, candidates)
+            missing = [c for c in candidates if is_missing_from(search, twin, c)]
         if not missing:
             break
         best = next((c for c in missing if c.effect == start_with and not steps), missing[0])
@@ -285,7 +299,8 @@ def _fitted_ones(search, twin, by_group, most, beside, tried):
         if name in tried or gains[name] < least * gains[promising[0]]:
             continue
         if alone and name == promising[0] and not is_flexible(name):
-            tried[name] = search.try_jointly(twin, name)
+            start = search.start(twin, name, search.free([(name, library.nulls_of(name))]))
+            tried[name] = search.try_jointly(twin, name, start, twin.poses)  # no rival: no fit of its own first
         else:
             tried[name] = search.try_effect(twin, name, beside, lead)
     return tried
@@ -304,6 +319,22 @@ def try_beside_others(search, twin, names, known):
         return candidates, gains
     others = [c for c in candidates if c.effect not in tried]
     return rank([*others, *(search.try_effect(twin, n, free) for n in tried)]), gains
+
+
+def try_by_short_fits(search, twin, candidates):
+    """Return the candidates, best first, those fitted with everything else that leave least after a short fit from their starts.
+
+    Where an effect and what is there already make up for one another, its first order promises nothing.
+    """
+    ends = {}
+    for name in (c.effect for c in candidates if not (c.complete or is_flexible(c.effect))):
+        starts = search.problem.starts_of(name)[:MAX_STARTS]
+        effects = [[*twin.effects, (name, start)] for start in starts]
+        fits = [short_fit(search, some, twin.poses, SCALE_FROM_START, ITERATIONS_OF_STARTS) for some in effects]
+        ends[name] = min(fits, key=loss_of)
+    least = sorted(ends, key=lambda n: (ends[n].loss, n))[:MAX_TRIED_WHOLLY]
+    tried = [search.try_jointly(twin, n, ends[n].state.effects, ends[n].state.poses) for n in least]
+    return rank([*(c for c in candidates if c.effect not in least), *tried])
 
 
 def can_be_missing(name, predicted, excess):

@@ -47,7 +47,7 @@ OF_SLOPES = np.array([not name.startswith(("xx", "xy", "yy")) for name in LIGHT]
 @dataclass(frozen=True)
 class TwinPhotograph(Photograph):
     """What an ideal camera shows in a photograph's place: ``draw`` returns the windows' radiance (rows, columns, C) by effects
-    that move colours apart [(name, parameters)]; ``own`` effects the photograph's file declares.
+    that are drawn [(name, parameters)], of the print or colours moved apart; ``own`` effects the photograph's file declares.
     """
 
     reach_px = 8
@@ -58,11 +58,11 @@ class TwinPhotograph(Photograph):
 
     def levels(self, effects=(), rng=None):
         """Return the grey levels (rows, columns, C) of the windows, with effects [(name, parameters)] laid on."""
-        moving = [e for e in effects if library.places_light(e[0])]
-        key = pipeline.key_of(moving)
+        drawn = [e for e in effects if library.is_drawn(e[0])]
+        key = pipeline.key_of(drawn)
         if key not in self.drawn:
             self.drawn.clear()
-            self.drawn[key] = self.draw(self.atlas, moving)
+            self.drawn[key] = self.draw(self.atlas, drawn)
         view = replace(self.view, margin=0, windows=self.atlas.windows)
         formed = pipeline.photometric(self.drawn[key], view, [*effects, *self.own], rng)[: self.atlas.shape[0]]
         return np.clip(np.rint(formed), 0, 255)
@@ -78,9 +78,9 @@ def twin_photograph(case, view, given, light, plates, features, in_colour, own=(
     features = features.copy()
     features[:, :8] = case.corners_of(capture, given, np.zeros(6))[plates].reshape(-1, 8)
 
-    def draw(atlas, moving):
-        scene, prints, _ = case.scene_of(given)
-        effects, planes = [*given, *moving], []
+    def draw(atlas, drawn):
+        effects, planes = [*given, *drawn], []
+        scene, prints, _ = case.scene_of(effects)
         for channel in (0, 1, 2) if pipeline.is_chromatic(effects) else (1,):
             mapping = pipeline.point_map(view, effects, channel)
             planes.append(shade(scene, view, *window_coverages(prints, view, atlas, mapping), None))
@@ -132,8 +132,7 @@ class SignatureCase:
     signs: np.ndarray
     own = nuisances = ()
     most_captures, most_held_out = 4, 10
-    draws = True
-    is_board = True
+    draws = is_board = promises_little = True
     floor_within = 1.0
     sigma_pose = np.zeros(0)
 

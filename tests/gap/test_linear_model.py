@@ -70,6 +70,29 @@ def test_a_later_round_proposes_what_leads(monkeypatch, share_of_first, names):
     assert selected(search, twin, ways, model, share_of_first=share_of_first).names == names
 
 
+@pytest.mark.parametrize(
+    ("first", "has", "shown", "names"),
+    [
+        ("denoising", [], "", ["denoising", "sensor_noise"]),
+        ("exposure", [], "", ["exposure"]),
+        ("denoising", ["sensor_noise"], "", ["denoising"]),
+        ("jpeg_compression", [], "jpeg_compression", ["jpeg_compression"]),
+    ],
+    ids=["hidden", "not filtered", "there", "a codec that captures show"],
+)
+def test_noise_comes_with_what_filters_it(monkeypatch, first, has, shown, names):
+    """Fails if a filter takes the place of the noise that it hides, or noise is fitted where nothing hides it."""
+    ways = [
+        Way(n, (), None, (k,)) for k, n in enumerate([first, "sensor_noise", "fixed_pattern_noise"]) if n not in has
+    ]
+    model = LinearModel(np.eye(3), np.array([40.0, 2.0, 1.0]), np.full(3, -np.inf), np.full(3, np.inf), ())
+    monkeypatch.setattr(linear_model, "_first_guess", lambda *_: {})
+    monkeypatch.setattr(linear_model, "probes", lambda train: train)
+    search = SimpleNamespace(train=[0], problem=SimpleNamespace(shows=lambda name: name == shown))
+    found = selected(search, SimpleNamespace(names=has), ways, model)
+    assert found.names == names and found.rivals.get("sensor_noise", ["fixed_pattern_noise"]) == ["fixed_pattern_noise"]
+
+
 def own_and_others(H, g, own=("exposure", "scale"), others=("veiling_glare", "vignetting")):
     """Return (search, twin, names, ways, model): an effect that a twin has, beside what ``H`` and ``g`` tell of two others."""
     ways = [Way(n, (), None, (k,)) for k, n in enumerate(others)]

@@ -8,7 +8,9 @@ from stand_in_twins import base_twin, standing_with
 
 from effects import library
 from gap import exchange, joint_way
+from gap.joint_way import all_at_once
 from gap.linear_model import Proposal
+from gap.outcome import Selection
 
 
 def found_in_rounds(monkeypatch, one_round, selected, first):
@@ -134,3 +136,16 @@ def test_a_round_that_a_codecs_steps_hold_is_fitted_without_the_codec_first(monk
     found, *_ = joint_way._round(search, base_twin(), here, Proposal([fall_off], {"vignetting": []}))
     assert (found and found.losses[0]) == (100.0 if there else None)
     assert fits == ([["jpeg_compression"]] if there else [])
+
+
+def test_from_a_set_in_which_many_ended_they_are_not_looked_for_again(monkeypatch):
+    """Fails if a path that adds one effect and comes to where many at once ended pays for the same rounds again."""
+    asked = []
+    monkeypatch.setattr(joint_way, "_together", lambda *given: asked.append(given[2].names))
+    monkeypatch.setattr(joint_way, "is_at_floor", lambda _: False)
+    problem = SimpleNamespace(is_board=False, shows=lambda _: False)
+    selection = Selection(SimpleNamespace(problem=problem, cost=0), 10, {})
+    selection.ended.add(frozenset(["defocus", "exposure"]))
+    for names in (["exposure", "defocus"], ["exposure"]):
+        all_at_once(selection, None, SimpleNamespace(names=names), ["vignetting"], {})
+    assert asked == [["exposure"]]

@@ -12,6 +12,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "bench"))
 from diagnose_patches import LIKE_LIGHT, competing  # noqa: E402
 from effects import library, pipeline  # noqa: E402
 from gap.photographs import expected_corners, spread_out  # noqa: E402
+from gap.residuals import GROUPS  # noqa: E402
+from gap.search import Search  # noqa: E402
 from gap.select_effects import verdict  # noqa: E402
 from gap.signature import SHARPNESS, SIGNS  # noqa: E402
 from gap.signature_case import OF_GROUP  # noqa: E402
@@ -46,6 +48,24 @@ def test_noise_and_sharpening_are_named_and_measured():
     found = dict(outcome.twin.effects)
     assert found["sharpening"]["amount"] == pytest.approx(0.7, rel=0.15)
     assert found["sensor_noise"]["gain_dn_per_e"] == pytest.approx(255 / 3000, rel=0.25)
+
+
+def test_black_that_has_grown_in_print_is_named_and_measured():
+    """Fails if the print is taken as it was told, or its growth is measured in pixels."""
+    case = signatures_of({}, printed=[("ink_spread", {"spread_m": 0.0004})])
+    names, _ = competing(case, [*FEW, "ink_spread"], set())
+    _, _, _, outcome = verdict(case, candidates=names)
+    ((name, found),) = outcome.twin.effects
+    assert (name, outcome.verdict) == ("ink_spread", "explained")
+    assert found["spread_m"] == pytest.approx(0.0004, rel=0.1)
+
+
+def test_what_promises_nothing_is_fitted_where_nothing_else_is_missing(monkeypatch):
+    """Fails if an effect is never looked at that acts where others follow: here none promises anything to first order."""
+    monkeypatch.setattr(Search, "predicted_gain", lambda *_: dict.fromkeys(GROUPS, 0.0))
+    case = signatures_of({"sensor_noise": NOISE, "sharpening": {"amount": 0.7, "sigma_px": 0.85}})
+    _, _, _, outcome = verdict(case, candidates=FEW)
+    assert sorted(step.effect for step in outcome.steps) == ["sensor_noise", "sharpening"]
 
 
 def test_what_each_photographs_own_light_does_as_well_does_not_compete():
