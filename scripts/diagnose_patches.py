@@ -16,7 +16,7 @@ from job import seed_of
 
 ONLY_REPEATS = "only repeats of a station would tell it from noise"
 LIKE_LIGHT = "each photograph's own light, exposure and white balance would show the same"
-OF_THE_SCENE = "the board's white, black and light are taken as each photograph shows them"
+OF_THE_SCENE = "the board's place, light and shades are taken as each photograph shows them"
 NO_COLOURS = "the photographs have no colours"
 DECLARED = "the photographs' files say it themselves"
 PREDICTIONS_EACH = 8  # of a budget, that one of a signature counts for

@@ -23,6 +23,7 @@ from gap.search import (
     errors_to_exceed,
     is_significant,
 )
+from gap.split import probes
 from gap.standing import (
     CLOSED,
     MAX_FLOOR_GAP,
@@ -32,6 +33,7 @@ from gap.standing import (
     is_at_floor,
     is_enough,
     is_open,
+    verdict_of,
 )
 from gap.twin import rank
 
@@ -133,7 +135,7 @@ def path(selection, base, first, before, start_with=None, taken=(), kept=()):
     steps, candidates, names = list(taken), rank(first), [c.effect for c in first]
     while not selection.is_spent():
         missing = [c for c in candidates if is_missing_from(search, twin, c)]
-        if not missing and search.problem.promises_little and not is_at_floor(twin):
+        if not missing and search.problem.promises_little and verdict_of(steps, twin) == "unexplained":
             candidates = try_by_short_fits(search, twin, candidates)
             missing = [c for c in candidates if is_missing_from(search, twin, c)]
         if not missing:
@@ -326,13 +328,14 @@ def try_by_short_fits(search, twin, candidates):
 
     Where an effect and what is there already make up for one another, its first order promises nothing.
     """
-    ends = {}
+    without, ends = short_fit(search, list(twin.effects), twin.poses, SCALE_FROM_START, ITERATIONS_OF_STARTS), {}
+    enough = without.loss - MIN_GAIN / MAX_UNDERSTATED * len(probes(search.train)) / len(search.train)
     for name in (c.effect for c in candidates if not (c.complete or is_flexible(c.effect))):
         starts = search.problem.starts_of(name)[:MAX_STARTS]
         effects = [[*twin.effects, (name, start)] for start in starts]
         fits = [short_fit(search, some, twin.poses, SCALE_FROM_START, ITERATIONS_OF_STARTS) for some in effects]
         ends[name] = min(fits, key=loss_of)
-    least = sorted(ends, key=lambda n: (ends[n].loss, n))[:MAX_TRIED_WHOLLY]
+    least = sorted((n for n in ends if ends[n].loss < enough), key=lambda n: ends[n].loss)[:MAX_TRIED_WHOLLY]
     tried = [search.try_jointly(twin, n, ends[n].state.effects, ends[n].state.poses) for n in least]
     return rank([*(c for c in candidates if c.effect not in least), *tried])
 
