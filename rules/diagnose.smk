@@ -24,8 +24,8 @@ rule observe_captures:
         f"{RESULTS}/benchmarks/observe_captures/{{camera}}.tsv"
     wildcard_constraints:
         camera=one_of(UNDIVIDED),
-    # the diagnosis is the longest way: it goes first
-    priority: 50
+    # before any diagnosis: the longest of these, of the largest observations, then begins first
+    priority: 80
     conda:
         "../envs/twingap.yaml"
     resources:
@@ -55,7 +55,7 @@ if CELLS:
             f"{RESULTS}/logs/observe_patches/{{camera}}.log",
         benchmark:
             f"{RESULTS}/benchmarks/observe_patches/{{camera}}.tsv"
-        priority: 50
+        priority: 80
         conda:
             "../envs/twingap.yaml"
         resources:

@@ -6,9 +6,12 @@ Laplacian of the colour that was seen. Source: B. E. Bayer, US 3971065 (1976); M
 interpolation for demosaicing of Bayer-patterned color images" (2004).
 """
 
+import functools
+
 import numpy as np
 
 from effects.base import Parameter
+from effects.noise_kernels import centred
 from kernels import njit
 
 STAGE, ORDER = "sensor", 30
@@ -37,6 +40,8 @@ PARAMETERS = {
     )
 }
 STARTS = (dict.fromkeys(RED, 0.25) | {"corrected": 0.5},)
+BRIGHTNESS = np.array([0.299, 0.587, 0.114])  # of red, green, blue in grey: ITU-R BT.601
+SIDE, REACH = 16, 5  # pixels about one that is noisy, and to which its noise is followed
 
 
 @njit(cache=True)
@@ -96,9 +101,30 @@ def reach_px(p):
 def apply(image, view, p, rng):
     """Sample the mosaics and interpolate them."""
     first = 0 if view.windows is not None else view.margin % 2
-    out = image = np.ascontiguousarray(image)
+    return _seen_through(np.ascontiguousarray(image), p, first)
+
+
+def _seen_through(image, p, first):
+    """Return the image (rows, columns, 3) through the mosaics, whose first block begins ``first`` pixels before it."""
+    out = image
     for name, (row, column) in RED.items():
         if p[name] != 0:
             shown = demosaiced(image, (row + first) % 2, (column + first) % 2, p["corrected"])
             out = out + np.float32(p[name]) * (shown - image)
     return out
+
+
+def noise_kernel(p, noise_dn):
+    """Return the mask (odd, odd) of the power that grey noise has through the mosaics, the mean of a block's four places."""
+    return _kernel(tuple(sorted(p.items())))
+
+
+@functools.lru_cache(maxsize=256)
+def _kernel(values):
+    power = np.zeros((SIDE, SIDE))
+    for row, column, colour in np.ndindex(2, 2, 3):
+        noisy = np.zeros((SIDE, SIDE, 3), np.float32)
+        noisy[SIDE // 2 + row, SIDE // 2 + column, colour] = 1
+        power += np.abs(np.fft.fft2(_seen_through(noisy, dict(values), 0) @ BRIGHTNESS)) ** 2
+    power /= 4 * (BRIGHTNESS**2).sum()
+    return centred(np.fft.fftshift(np.fft.ifft2(np.sqrt(power)).real), 2 * REACH + 1)

@@ -101,8 +101,8 @@ def needs_repeats(name):
 
 
 def filters_noise(name):
-    """Return whether an effect makes more or less of the noise of neighbouring pixels, a filter of images."""
-    return hasattr(effect_named(name), "noise_kernel")
+    """Return whether an effect is a filter of images, which makes more or less of their noise; a sensor's mosaic is none."""
+    return hasattr(effect_named(name), "noise_kernel") and effect_named(name).STAGE == "processing"
 
 
 def is_of_boards(name):

@@ -54,6 +54,12 @@ def processed(noise_dn, before, kernel_of):
     return noise_dn * np.interp(noise_dn, levels, gains).astype(np.float32), after
 
 
+def with_white(kernel, share):
+    """Return the kernel (n, n) of noise of which a share of the variance has a kernel (n, n), n odd, and the rest is white."""
+    power = share * np.abs(np.fft.fft2(kernel)) ** 2 + 1 - share
+    return np.fft.fftshift(np.fft.ifft2(np.sqrt(power)).real)
+
+
 def correlations(kernel, lags):
     """Return the correlations (2 lags + 1, 2 lags + 1) of noise with a kernel, the middle one 1; None is white."""
     if kernel is None:

@@ -14,7 +14,7 @@ import numpy as np
 from effects.base import PARTS
 from effects.encoding import encode, encode_with_noise, mean_of_clipped
 from effects.library import acting, effect_named, moves_points, nulls_of, place_of, spreads_light
-from effects.noise_kernels import processed
+from effects.noise_kernels import followed, processed, with_white
 from effects.resampling import fine_map, sample
 from rig.errors import InputError
 
@@ -285,8 +285,8 @@ def form(image, view, chosen, rng, like=None):
 def _steps(image, view, chosen, rng):
     """Return [(key, function of (image, variance, noise_dn, kernel) that returns these)]: how radiance becomes grey levels.
 
-    ``variance``, squared grey levels of full scale 255, is that of linear values, ``noise_dn`` that of encoded ones, whose
-    noise has a ``kernel`` (effects.noise_kernels).
+    ``variance``, squared grey levels of full scale 255, is that of linear values, ``noise_dn`` that of encoded ones; the noise
+    of either has a ``kernel`` (effects.noise_kernels).
     """
     found = active(chosen, "apply")
     colour = any(
@@ -318,15 +318,20 @@ def _applied(module, p, view, rng, image, variance, noise_dn, kernel):
     return image, variance, noise_dn, kernel
 
 
-def _sensed(module, p, view, rng, image, variance, *noise):
+def _sensed(module, p, view, rng, image, variance, noise_dn, kernel):
     if rng is None and hasattr(module, "variance"):
         variance = variance + module.variance(image, p)
-    return module.apply(image, view, p, numbers_of(rng, module)), variance, *noise
+    if rng is None and hasattr(module, "noise_kernel") and np.ndim(variance):
+        gain, kernel = followed(kernel, module.noise_kernel(p, 0.0))
+        variance = variance * np.float32(gain**2)
+    return module.apply(image, view, p, numbers_of(rng, module)), variance, noise_dn, kernel
 
 
 def _encoded(view, rng, image, variance, noise_dn, kernel):
     if np.ndim(variance):
         image, noise_dn = encode_with_noise(image, variance, noise_dn, view.encoding)
+        if kernel is not None and view.noise_dn > 0:
+            kernel = with_white(kernel, 1 - view.noise_dn**2 / np.mean(np.square(noise_dn)))
     else:
         image = encode(image, view.encoding)
     if rng is not None and view.noise_dn > 0:

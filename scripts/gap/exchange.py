@@ -1,6 +1,7 @@
 """Short fits in a few captures, and which of several effects does best in one's place beside all others."""
 
 from effects import library
+from gap.residuals import NU, total, width_of
 from gap.search import MAX_STARTS, MIN_GAIN, SCALE_FROM_NEAR, SCALE_FROM_START
 from gap.split import probes
 from gap.standing import MIN_SHARE
@@ -14,6 +15,26 @@ def short_fit(search, effects, poses, scale, iterations=FURTHER_ITERATIONS, movi
     without the effects named ``rough`` first.
     """
     return search.descended(effects, poses, scale, probes(search.train), iterations, moving, rough)
+
+
+def with_best_starts(search, twin, proposal):
+    """Return a twin's effects and a Proposal's: of one that has several starts, the start or first guess that leaves least.
+
+    A fit of many hardly leaves the valley in which it begins. Where the twin has none yet, all are guesses: they stay.
+    """
+    if not search.free(twin.effects):
+        return [*twin.effects, *proposal.effects]
+    effects, few = dict([*twin.effects, *proposal.effects]), probes(search.train)
+    nu = NU * width_of(search.solver.residuals_of(list(effects.items()), twin.poses, few)) ** 2
+
+    def left(name, start):
+        return total(search.solver.residuals_of(list((effects | {name: start}).items()), twin.poses, few), nu)
+
+    for name in proposal.names:
+        starts = search.problem.starts_of(name)
+        if len(starts) > 1 and not library.is_pure_geometry(name):
+            effects[name] = min([effects[name], *starts], key=lambda start: left(name, start))  # noqa: B023
+    return list(effects.items())
 
 
 def exchanged(search, end, name, rivals, iterations=FURTHER_ITERATIONS):

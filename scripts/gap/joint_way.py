@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from effects import library
-from gap.exchange import FURTHER_ITERATIONS, exchanged, loss_of, or_leader_alone, short_fit
+from gap.exchange import FURTHER_ITERATIONS, exchanged, loss_of, or_leader_alone, short_fit, with_best_starts
 from gap.geometry_first import told_beside_the_rest, told_by_corners
 from gap.linear_model import (
     MIN_SHARE_OF_FIRST,
@@ -339,7 +339,7 @@ def _fitted_in(search, twin, proposal):
     Whole values and rivals are compared beside all the others.
     """
     new, rough = search.free(proposal.effects), [n for n in proposal.names if search.problem.shows(n)]
-    effects = [*twin.effects, *proposal.effects]
+    effects = with_best_starts(search, twin, proposal)
     end = short_fit(search, effects, twin.poses, SCALE_FROM_START, FIRST_ITERATIONS, new, rough)
     effects = list(search.discrete.compared_once_more(end.state.effects, None, end.state.poses))
     for name in proposal.names:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from effect_views import parameters, view
 
-from effects import jpeg_compression, library, noise_kernels
+from effects import jpeg_compression, library, noise_kernels, pipeline
 from effects.quantisation import COSINES, LAGS, gains_of
 
 DENOISING, SHARPENING = (library.available_effects()[name] for name in ("denoising", "sharpening"))
@@ -49,6 +49,24 @@ def test_noise_is_as_strong_in_a_blocks_coefficients_as_filters_leave_it(values)
     noise_dn, kernel = noise_kernels.processed(noise_dn, kernel, lambda n: SHARPENING.noise_kernel(sharp, n))
     told = noise_dn * gains_of(noise_kernels.correlations(kernel, LAGS))
     np.testing.assert_allclose(told, blocks.std((0, 1)), rtol=0.2)
+
+
+@pytest.mark.parametrize("declared_dn", [0.0, 1.0])
+@pytest.mark.parametrize(
+    "smooth", [[], [("denoising", {"average_share": 1.0, "average_px": 1.5})]], ids=["", "smoothed"]
+)
+@pytest.mark.parametrize("values", [{"rggb": 1.0}, {"grbg": 1.0, "corrected": 1.0}, {"rggb": 0.7, "corrected": 0.3}])
+def test_noise_through_a_mosaic_is_as_strong_as_it_leaves_it_and_what_smooths_it(values, smooth, declared_dn):
+    """Fails if interpolated noise is taken for white, which a filter smooths away, or declared noise for interpolated."""
+    noise = ("sensor_noise", parameters("sensor_noise", gain_dn_per_e=0.05, read_noise_dn=1.0))
+    effects = [noise, ("bayer_demosaic", parameters("bayer_demosaic", **values))]
+    effects += [(name, parameters(name, **p)) for name, p in smooth]
+    flat, seen = np.full((300, 300, 3), 0.35, np.float32), view(noise_dn=declared_dn)
+    taken = (
+        pipeline.photometric(flat, seen, effects, np.random.default_rng(4))[20:-20, 20:-20] @ jpeg_compression.TO_YCC[0]
+    )
+    _, told_dn = pipeline.levels_and_noise(flat, seen, effects, None)
+    assert np.mean(told_dn) * np.linalg.norm(jpeg_compression.TO_YCC[0]) == pytest.approx(taken.std(), rel=0.06)
 
 
 def coloured_patches():
