@@ -14,8 +14,7 @@ from gap.measure.capture import Codes, Observation, read_rgb
 from gap.measure.plate import N_FEATURES
 from gap.photographs import photographs_case
 from gap.problem import MARGIN_PX, Capture, Case, encoding_table
-from gap.signature_case import SignatureCase, seen_patches, twin_photograph
-from gap.signature_changes import can_be_laid_on
+from gap.signature_case import SignatureCase, is_seen_in_cells, seen_patches, twin_photograph
 from gap.split import usable
 from inputs import tables
 from inputs.campaign import Board
@@ -154,7 +153,7 @@ def load_patches(expand, register_json, camera, patches, points, twin, declared)
     chosen = usable(np.flatnonzero(showing), points)  # others have no pose
     if len(chosen) < MIN_PHOTOGRAPHS:
         raise ValueError("too few photographs show the board's cells, white and black, at a size that can be measured")
-    given = [(n, p) for n, p in twin.effects if not (can_be_laid_on(n) or library.changes_ink(n))]
+    given = [(n, p) for n, p in twin.effects if not is_seen_in_cells(n)]
     captures, twins = [], []
     for i in chosen:
         theirs = points.captures[i].view

@@ -11,7 +11,7 @@ from effects import library
 from gap.ladder import RESAMPLES
 from gap.score import gap_error, group_gaps, root_mean_square
 from gap.select_effects import verdict
-from gap.signature_changes import can_be_laid_on
+from gap.signature_case import is_seen_in_cells
 from job import seed_of
 
 ONLY_REPEATS = "only repeats of a station would tell it from noise"
@@ -30,7 +30,7 @@ def look_at_patches(files, points, outcome, candidates, fixed, declared, budget,
     Raises ValueError where too little of the board can be measured.
     """
     case = load_patches(*files, points, outcome.twin, declared)
-    configured = [(n, p) for n, p in outcome.twin.effects if can_be_laid_on(n) or library.changes_ink(n)]
+    configured = [(n, p) for n, p in outcome.twin.effects if is_seen_in_cells(n)]
     names, why = competing(case, candidates, {name for effects in declared.values() for name, _ in effects})
     return *verdict(
         case, configured, names, fixed, budget / PREDICTIONS_EACH / case.effort, threads, progress, store
@@ -40,7 +40,7 @@ def look_at_patches(files, points, outcome, candidates, fixed, declared, budget,
 def competing(case, names, declared):
     """Return (names of effects that can compete, {name: why it does not} of the others) of a SignatureCase."""
     in_colour = all(twin.in_colour for twin in case.twins)
-    why = {n: OF_THE_SCENE for n in names if not (can_be_laid_on(n) or library.changes_ink(n))}
+    why = {n: OF_THE_SCENE for n in names if not is_seen_in_cells(n)}
     why |= {n: NO_COLOURS for n in names if library.needs_colour(n) and not in_colour}
     why |= {n: DECLARED for n in declared if n in names}
     why |= {n: ONLY_REPEATS for n in names if library.needs_repeats(n)}

@@ -115,7 +115,7 @@ def _seen_through(image, p, first):
 
 
 def noise_kernel(p, noise_dn):
-    """Return the mask (odd, odd) of the power that grey noise has through the mosaics, the mean of a block's four places."""
+    """Return the kernel (odd, odd) of the power that grey noise has through the mosaics, the mean of a block's four places."""
     return _kernel(tuple(sorted(p.items())))
 
 

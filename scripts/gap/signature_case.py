@@ -17,7 +17,7 @@ from gap.parameters import get_parameter, image_step, with_parameters
 from gap.predict.predictor import Kept
 from gap.predict.synthesis import shade, window_coverages, window_ground_points
 from gap.signature import SIGNS, Photograph
-from gap.signature_changes import FIRST_STEP, MIN_SHOWING
+from gap.signature_changes import FIRST_STEP, MIN_SHOWING, can_be_laid_on
 from gap.solver import Solver
 from job import seed_of
 from rig.light import LIGHT
@@ -97,6 +97,11 @@ class SeenPatches:
 
     corners: np.ndarray
     measured: np.ndarray
+
+
+def is_seen_in_cells(name):
+    """Return whether a board's cells tell of an effect: on light that reached the camera, or on where their black is printed."""
+    return can_be_laid_on(name) or library.changes_ink(name)
 
 
 def seen_patches(number, plates, features):

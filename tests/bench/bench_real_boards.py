@@ -33,8 +33,7 @@ from gap.capture_light import photograph_light  # noqa: E402
 from gap.needs import cannot_tell  # noqa: E402
 from gap.select_effects import BUDGET, verdict  # noqa: E402
 from gap.signature import SIGNS  # noqa: E402
-from gap.signature_case import NumbersOf  # noqa: E402
-from gap.signature_changes import can_be_laid_on  # noqa: E402
+from gap.signature_case import NumbersOf, is_seen_in_cells  # noqa: E402
 from gap.whole_lens import left_out_px, with_whole_lens  # noqa: E402
 from inputs.campaign import Board, load_campaign  # noqa: E402
 from observe_captures import observe_captures  # noqa: E402
@@ -131,7 +130,7 @@ def diagnosed(name, folder):
         )
         result = both_looks(result, verdict_record(own, tried, closer), gaps_on_the_way(base, outcome, own, closer))
         off = signs_off(closer_search, own, closer.twin)
-        effects = [e for e in effects if not can_be_laid_on(e[0])] + list(closer.twin.effects)
+        effects = [e for e in effects if not is_seen_in_cells(e[0])] + list(closer.twin.effects)
     except ValueError as why:
         result["verdict"] += f" ({why})"
     ours, theirs = left_out_px(search, with_whole_lens(search, outcome.twin)), opencv_left_out_px(search)

@@ -62,11 +62,19 @@ def test_what_promised_little_beside_a_strong_lens_is_asked_again(tmp_path):
 
 def test_cells_tell_what_points_cannot(tmp_path):
     """Fails if the cells of the embedded photographs name nothing, or a lens, or if steps, ladder and gap disagree."""
-    candidates = ["radial_distortion", "sensor_noise", "denoising", "sharpening", "exposure", "ink_spread"]
+    candidates = [
+        "radial_distortion",
+        "sensor_noise",
+        "denoising",
+        "sharpening",
+        "exposure",
+        "ink_spread",
+        "ink_reflectance",
+    ]
     raw = Path(__file__).resolve().parents[2] / "data/raw/aruco6x6_gridboard"
     verdict, ladder, _ = verdict_on(raw, tmp_path, candidates, cells=True)
     assert [step["effect"] for step in verdict["steps"]] == ["denoising", "sensor_noise"]
-    assert set(verdict["not_looked_at"]) == {"exposure", "ink_spread"}
+    assert set(verdict["not_looked_at"]) == {"exposure", "ink_reflectance"}
     assert verdict["points"]["verdict"] == "adequate" and verdict["points"]["gap"] == verdict["groups"]["corners"]
     first, second = verdict["steps"]
     assert (first["gap_before"], second["gap_after"]) == (verdict["gap_as_configured"], verdict["gap"])

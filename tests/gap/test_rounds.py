@@ -8,6 +8,7 @@ from stand_in_twins import base_twin, standing_with
 
 from effects import library
 from gap import exchange, joint_way
+from gap.exchange import with_best_starts
 from gap.joint_way import all_at_once
 from gap.linear_model import Proposal
 from gap.outcome import Selection
@@ -149,3 +150,17 @@ def test_from_a_set_in_which_many_ended_they_are_not_looked_for_again(monkeypatc
     for names in (["exposure", "defocus"], ["exposure"]):
         all_at_once(selection, None, SimpleNamespace(names=names), ["vignetting"], {})
     assert asked == [["exposure"]]
+
+
+@pytest.mark.parametrize(("fitted", "strength_dn"), [(["exposure"], 8.0), ([], 3.0)], ids=["later", "first"])
+def test_a_later_round_begins_where_a_start_leaves_least(monkeypatch, fitted, strength_dn):
+    """Fails if a filter begins as another where a start of its own leaves less, or a first round does not trust its guesses."""
+    monkeypatch.setattr(exchange, "probes", lambda train: train)
+    monkeypatch.setattr(exchange, "width_of", lambda groups: 1.0)
+    monkeypatch.setattr(exchange, "total", lambda left, nu: left)
+    off = SimpleNamespace(residuals_of=lambda effects, *_: abs(dict(effects)["denoising"]["strength_dn"] - 9.0))
+    problem = SimpleNamespace(starts_of=library.starts_of)
+    search = SimpleNamespace(solver=off, problem=problem, train=[0], free=lambda effects: effects)
+    twin = SimpleNamespace(effects=[(name, {}) for name in fitted], poses=None)
+    guess = Proposal([("denoising", library.nulls_of("denoising") | {"strength_dn": 3.0})])
+    assert dict(with_best_starts(search, twin, guess))["denoising"]["strength_dn"] == strength_dn
