@@ -129,10 +129,12 @@ def selected(search, twin, ways, model, least_share=MIN_SHARE_PROPOSED, share_of
 
 
 def _noise_beside(search, twin, taken, left, model):
-    """Return the Ways of noise left, the most promising first, where something taken filters noise and nothing adds any; or [].
+    """Return the Ways of noise left, the most promising first, where noise is off, something filters it and nothing adds any.
 
     What smooths noise hides it, however much there is: alone neither promises anything.
     """
+    if twin.excess.get("noise", 0.0) <= MIN_GAIN:
+        return []
     filters = any(library.filters_noise(w.effect) and not search.problem.shows(w.effect) for w in taken)
     if not filters or any(map(library.adds_noise, [*twin.names, *(way.effect for way in taken)])):
         return []

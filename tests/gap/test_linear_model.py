@@ -9,6 +9,7 @@ from gap import linear_model
 from gap.evidence import start_step, step_over_rounding
 from gap.linear_model import MAX_COLUMNS, LinearModel, Way, _rivals, _simpler, exchanges, selected
 from gap.parameters import spec
+from gap.search import MIN_GAIN
 
 H, G = np.array([[4.0, 2.0, 0.0], [2.0, 4.0, 0.0], [0.0, 0.0, 1.0]]), np.array([8.0, 8.0, -3.0])
 
@@ -66,22 +67,23 @@ def test_a_later_round_proposes_what_leads(monkeypatch, share_of_first, names):
     monkeypatch.setattr(linear_model, "_first_guess", lambda *_: {})
     monkeypatch.setattr(linear_model, "probes", lambda train: train)
     search = SimpleNamespace(train=[0], problem=SimpleNamespace(shows=lambda name: {}))
-    twin = SimpleNamespace(names=[])
+    twin = SimpleNamespace(names=[], excess={})
     assert selected(search, twin, ways, model, share_of_first=share_of_first).names == names
 
 
 @pytest.mark.parametrize(
-    ("first", "has", "shown", "names"),
+    ("first", "has", "shown", "off", "names"),
     [
-        ("denoising", [], "", ["denoising", "sensor_noise"]),
-        ("exposure", [], "", ["exposure"]),
-        ("denoising", ["sensor_noise"], "", ["denoising"]),
-        ("jpeg_compression", [], "jpeg_compression", ["jpeg_compression"]),
+        ("denoising", [], "", 2.0, ["denoising", "sensor_noise"]),
+        ("denoising", [], "", 0.9, ["denoising"]),
+        ("exposure", [], "", 2.0, ["exposure"]),
+        ("denoising", ["sensor_noise"], "", 2.0, ["denoising"]),
+        ("jpeg_compression", [], "jpeg_compression", 2.0, ["jpeg_compression"]),
     ],
-    ids=["hidden", "not filtered", "there", "a codec that captures show"],
+    ids=["hidden", "as it is", "not filtered", "there", "a codec that captures show"],
 )
-def test_noise_comes_with_what_filters_it(monkeypatch, first, has, shown, names):
-    """Fails if a filter takes the place of the noise that it hides, or noise is fitted where nothing hides it."""
+def test_noise_comes_with_what_filters_it(monkeypatch, first, has, shown, off, names):
+    """Fails if a filter takes the place of the noise that it hides, or noise is fitted where it is as it is or not hidden."""
     ways = [
         Way(n, (), None, (k,)) for k, n in enumerate([first, "sensor_noise", "fixed_pattern_noise"]) if n not in has
     ]
@@ -89,7 +91,7 @@ def test_noise_comes_with_what_filters_it(monkeypatch, first, has, shown, names)
     monkeypatch.setattr(linear_model, "_first_guess", lambda *_: {})
     monkeypatch.setattr(linear_model, "probes", lambda train: train)
     search = SimpleNamespace(train=[0], problem=SimpleNamespace(shows=lambda name: name == shown))
-    found = selected(search, SimpleNamespace(names=has), ways, model)
+    found = selected(search, SimpleNamespace(names=has, excess={"noise": off * MIN_GAIN}), ways, model)
     assert found.names == names and found.rivals.get("sensor_noise", ["fixed_pattern_noise"]) == ["fixed_pattern_noise"]
 
 
