@@ -100,9 +100,12 @@ def needs_repeats(name):
     return getattr(effect_named(name), "NEEDS_REPEATS", False)
 
 
-def filters_noise(name):
-    """Return whether an effect is a filter of images, which makes more or less of their noise; a sensor's mosaic is none."""
-    return hasattr(effect_named(name), "noise_kernel") and effect_named(name).STAGE == "processing"
+def smooths_noise(name):
+    """Return whether an effect leaves less of neighbouring pixels' noise: a filter of images, not a sensor's mosaic."""
+    module = effect_named(name)
+    if module.STAGE != "processing" or not hasattr(module, "noise_kernel"):
+        return False
+    return all((module.noise_kernel(start, 1.0) ** 2).sum() < 1 for start in starts_of(name))
 
 
 def is_of_boards(name):

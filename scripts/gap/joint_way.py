@@ -14,7 +14,6 @@ from gap.geometry_first import told_beside_the_rest, told_by_corners
 from gap.linear_model import (
     MIN_SHARE_OF_FIRST,
     MIN_SHARE_PROPOSED,
-    Proposal,
     exchanges,
     linear_model,
     proposed,
@@ -66,7 +65,7 @@ def _together(selection, base, twin, names, before, taken, propose):
     search = selection.search
     few, found = _with_fewer_plates(search), twin
     first, poses = propose(few, twin, names)
-    if len(first.effects) >= MANY:
+    if len(first.effects) - len(first.along) >= MANY:
         ahead = Selection(few, selection.budget - search.cost, {}, _told_by(selection, few))
         here = replace(_seen(few, twin), poses=poses)
         found, order, alike = _found(ahead, _seen(few, base), here, names, first)
@@ -93,7 +92,7 @@ def first_proposal(search, twin, names):
     moving = [e for e in effects if e[0] not in twin.names]
     near = _seen(search, replace(twin, effects=tuple(effects), poses=poses)) if moving else twin
     further = proposed(search, near, names)
-    return Proposal([*moving, *further.effects], rivals | further.rivals), poses
+    return further.after(moving, rivals), poses
 
 
 def proposal_without_codec(search, twin, names):
@@ -102,7 +101,7 @@ def proposal_without_codec(search, twin, names):
     """
     shown = [(n, search.problem.starts_of(n)[0]) for n in names if search.problem.shows(n) and n not in twin.names]
     others, poses = first_proposal(search, twin, [n for n in names if n not in dict(shown)])
-    return Proposal([*shown, *others.effects], dict.fromkeys(dict(shown), []) | others.rivals), poses
+    return others.after(shown, dict.fromkeys(dict(shown), [])), poses
 
 
 def _told_by(selection, few):
@@ -208,6 +207,9 @@ def _round(search, base, here, proposal):
     All None where too little stays, or closes too little.
     """
     end, as_good = _fitted_in(search, here, proposal)
+    along = [n for name in proposal.along for n in (name, *proposal.rivals[name]) if n in dict(end.state.effects)]
+    if along and all(_is_idle(search, end.state.effects, n, end.evidence) for n in along):
+        end, as_good = _fitted_in(search, here, proposal.alone)  # beside it others seemed to be needed
     if set(here.names) == set(base.names):
         end = or_leader_alone(search, here, proposal, end, FIRST_ITERATIONS)
     idle = [n for n, _ in end.state.effects if n not in here.names]

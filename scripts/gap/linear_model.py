@@ -40,15 +40,25 @@ class Way:
 
 @dataclass(frozen=True)
 class Proposal:
-    """Effects [(name, first guess of the parameters)] and {name: other names of its kind that promise nearly as much}."""
+    """Effects [(name, first guess of the parameters)] and {name: other names of its kind that promise nearly as much}.
+
+    ``along`` names those that promise nothing themselves, ``alone`` is the Proposal without them, None where there are none.
+    """
 
     effects: list
     rivals: dict = field(default_factory=dict)
+    along: tuple = ()
+    alone: object = None
 
     @property
     def names(self):
         """The names of its effects, best first."""
         return [name for name, _ in self.effects]
+
+    def after(self, effects, rivals):
+        """Return the Proposal with others before its own."""
+        alone = self.alone and self.alone.after(effects, rivals)
+        return Proposal([*effects, *self.effects], rivals | self.rivals, self.along, alone)
 
 
 class LinearModel:
@@ -120,23 +130,31 @@ def selected(search, twin, ways, model, least_share=MIN_SHARE_PROPOSED, share_of
         best = _simpler(left, gains, best)
         taken.append(left[best])
         left = [way for way in left if way.effect != taken[-1].effect]
+    rivals = {way.effect: [] if way.effect in shown else _rivals(model, way, taken, left) for way in taken}
+    alone = Proposal(_guesses(search, twin, taken, model), rivals)
     noise = _noise_beside(search, twin, taken, left, model)
-    steps = model.steps([k for way in [*taken, *noise[:1]] for k in way.columns])
-    guesses = [(way.effect, _first_guess(search, twin, way, steps)) for way in [*taken, *noise[:1]]]
-    rivals = {way.effect: _rivals(model, way, taken, left) for way in taken if way.effect not in shown}
-    rivals |= {way.effect: sorted({w.effect for w in noise} - {way.effect}) for way in noise[:1]}
-    return Proposal(guesses, dict.fromkeys(shown, []) | rivals)
+    if not noise:
+        return alone
+    name = noise[0].effect
+    rivals = rivals | {name: sorted({way.effect for way in noise} - {name})}
+    return Proposal(_guesses(search, twin, [*taken, noise[0]], model), rivals, (name,), alone)
+
+
+def _guesses(search, twin, taken, model):
+    """Return the effects [(name, first guess of the parameters)] of Ways that are taken together."""
+    steps = model.steps([k for way in taken for k in way.columns])
+    return [(way.effect, _first_guess(search, twin, way, steps)) for way in taken]
 
 
 def _noise_beside(search, twin, taken, left, model):
-    """Return the Ways of noise left, the most promising first, where noise is off, something filters it and nothing adds any.
+    """Return the Ways of noise left, the most promising first, where noise is off, something smooths it and nothing adds any.
 
     What smooths noise hides it, however much there is: alone neither promises anything.
     """
     if twin.excess.get("noise", 0.0) <= MIN_GAIN:
         return []
-    filters = any(library.filters_noise(w.effect) and not search.problem.shows(w.effect) for w in taken)
-    if not filters or any(map(library.adds_noise, [*twin.names, *(way.effect for way in taken)])):
+    smooths = any(library.smooths_noise(w.effect) and not search.problem.shows(w.effect) for w in taken)
+    if not smooths or any(map(library.adds_noise, [*twin.names, *(way.effect for way in taken)])):
         return []
     columns = [k for way in taken for k in way.columns]
     makers = [way for way in left if library.adds_noise(way.effect)]

@@ -77,13 +77,14 @@ def test_a_later_round_proposes_what_leads(monkeypatch, share_of_first, names):
         ("denoising", [], "", 2.0, ["denoising", "sensor_noise"]),
         ("denoising", [], "", 0.9, ["denoising"]),
         ("exposure", [], "", 2.0, ["exposure"]),
+        ("sharpening", [], "", 2.0, ["sharpening"]),
         ("denoising", ["sensor_noise"], "", 2.0, ["denoising"]),
         ("jpeg_compression", [], "jpeg_compression", 2.0, ["jpeg_compression"]),
     ],
-    ids=["hidden", "as it is", "not filtered", "there", "a codec that captures show"],
+    ids=["hidden", "as it is", "not filtered", "amplified", "there", "a codec that captures show"],
 )
-def test_noise_comes_with_what_filters_it(monkeypatch, first, has, shown, off, names):
-    """Fails if a filter takes the place of the noise that it hides, or noise is fitted where it is as it is or not hidden."""
+def test_noise_comes_with_what_smooths_it(monkeypatch, first, has, shown, off, names):
+    """Fails if a filter takes the place of the noise that it hides, noise is fitted where nothing hides it, or counts."""
     ways = [
         Way(n, (), None, (k,)) for k, n in enumerate([first, "sensor_noise", "fixed_pattern_noise"]) if n not in has
     ]
@@ -92,7 +93,9 @@ def test_noise_comes_with_what_filters_it(monkeypatch, first, has, shown, off, n
     monkeypatch.setattr(linear_model, "probes", lambda train: train)
     search = SimpleNamespace(train=[0], problem=SimpleNamespace(shows=lambda name: name == shown))
     found = selected(search, SimpleNamespace(names=has, excess={"noise": off * MIN_GAIN}), ways, model)
-    assert found.names == names and found.rivals.get("sensor_noise", ["fixed_pattern_noise"]) == ["fixed_pattern_noise"]
+    assert found.names == names and found.along == tuple(names[1:])
+    assert (found.alone or found).names == names[:1]
+    assert found.rivals.get("sensor_noise", ["fixed_pattern_noise"]) == ["fixed_pattern_noise"]
 
 
 def own_and_others(H, g, own=("exposure", "scale"), others=("veiling_glare", "vignetting")):

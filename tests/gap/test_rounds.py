@@ -164,3 +164,25 @@ def test_a_later_round_begins_where_a_start_leaves_least(monkeypatch, fitted, st
     twin = SimpleNamespace(effects=[(name, {}) for name in fitted], poses=None)
     guess = Proposal([("denoising", library.nulls_of("denoising") | {"strength_dn": 3.0})])
     assert dict(with_best_starts(search, twin, guess))["denoising"]["strength_dn"] == strength_dn
+
+
+@pytest.mark.parametrize(("is_idle", "kept"), [(True, ["denoising"]), (False, ["denoising", "sensor_noise"])])
+def test_what_came_along_for_nothing_goes_before_the_others_are_judged(monkeypatch, is_idle, kept):
+    """Fails if a filter that only a noise needed, which is not there, stays when that goes, or noise that is there goes."""
+    both = [(n, library.nulls_of(n)) for n in ("denoising", "sensor_noise")]
+
+    def fitted(search, here, proposal):
+        return SimpleNamespace(state=SimpleNamespace(effects=proposal.effects), loss=100.0, evidence={}), {}
+
+    monkeypatch.setattr(joint_way, "_fitted_in", fitted)
+    monkeypatch.setattr(joint_way, "or_leader_alone", lambda search, here, proposal, end, _: end)
+    monkeypatch.setattr(joint_way, "_is_idle", lambda search, effects, name, _: is_idle and name == "sensor_noise")
+    monkeypatch.setattr(joint_way, "_without", lambda *_: pytest.fail("the noise went alone"))
+    monkeypatch.setattr(joint_way, "_standing", lambda search, base, end: standing_with(end.state.effects, end.loss))
+    monkeypatch.setattr(joint_way, "_patches", lambda *_: [])
+    monkeypatch.setattr(joint_way, "_closes_enough", lambda *_: True)
+    search = SimpleNamespace(problem=SimpleNamespace(shows=lambda name: False))
+    rivals = {"denoising": [], "sensor_noise": ["fixed_pattern_noise"]}
+    proposal = Proposal(both, rivals, ("sensor_noise",), Proposal(both[:1], rivals))
+    there, *_ = joint_way._round(search, base_twin(), base_twin(), proposal)
+    assert there.names == kept
