@@ -1,5 +1,7 @@
 """Short fits in a few captures, and which of several effects does best in one's place beside all others."""
 
+from functools import partial
+
 from effects import library
 from gap.residuals import NU, total, width_of
 from gap.search import MAX_STARTS, MIN_GAIN, SCALE_FROM_NEAR, SCALE_FROM_START
@@ -33,7 +35,7 @@ def with_best_starts(search, twin, proposal):
     for name in proposal.names:
         starts = search.problem.starts_of(name)
         if len(starts) > 1 and not library.is_pure_geometry(name):
-            effects[name] = min([effects[name], *starts], key=lambda start: left(name, start))  # noqa: B023
+            effects[name] = min([effects[name], *starts], key=partial(left, name))
     return list(effects.items())
 
 
