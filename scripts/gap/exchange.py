@@ -39,6 +39,42 @@ def with_best_starts(search, twin, proposal):
     return list(effects.items())
 
 
+def from_best_starts(search, end, names):
+    """Return (effects, poses) of a Descent, or those in which some of the effects ``names`` begin anew from one of their starts:
+    where an effect leaves less, its own parameters fitted alone.
+
+    A fit of many hardly leaves the valley in which it begins, and first guesses are made beside what is not fitted yet.
+    """
+    for name in names:
+        if library.is_pure_geometry(name) or search.problem.shows(name):
+            continue
+        own = search.free([(name, library.nulls_of(name))])
+        for start in _nearest_starts(search, end, name):
+            effects = _with(end.state.effects, name, start)
+            other = short_fit(search, effects, end.state.poses, SCALE_FROM_NEAR, moving=own)
+            if other.loss < end.loss - MIN_GAIN:
+                end = other
+    return list(end.state.effects), end.state.poses
+
+
+def _nearest_starts(search, end, name):
+    """Return those MAX_STARTS of an effect's starts that leave least beside a Descent's others; none where it has but one."""
+    starts = search.problem.starts_of(name)
+    if len(starts) <= MAX_STARTS:
+        return starts if len(starts) > 1 else ()
+
+    def left(start):
+        effects = _with(end.state.effects, name, start)
+        return total(search.solver.residuals_of(effects, end.state.poses, probes(search.train)), NU)
+
+    return sorted(starts, key=left)[:MAX_STARTS]
+
+
+def _with(effects, name, values):
+    """Return effects [(name, p)] in which one has other parameters."""
+    return [(n, values if n == name else p) for n, p in effects]
+
+
 def exchanged(search, end, name, rivals, iterations=FURTHER_ITERATIONS):
     """Return (Descent in which an effect or one of its rivals has its place, whichever leaves least, its name, the others
     [(name, p)] that leave as little): all fitted as long, for so many ``iterations``.

@@ -9,30 +9,35 @@ from itertools import combinations
 import numpy as np
 
 from effects import library
-from gap.linear_model import RIVAL_SHARE
 from gap.parameters import get_parameter, priors_of
 from gap.residuals import RHO_NOISE
 from gap.search import CLEAR_EVIDENCE, MIN_GAIN
-from gap.standing import has_good_share
+from gap.standing import MIN_SHARE, has_good_share
 
 SCALE, ITERATIONS = 64.0, 16  # robust scale at which the joint fit begins, and its steps
 
 
 def told_by_corners(search, twin, names):
-    """Return (effects [(name, parameters)] of a twin with those that corners tell, poses (n, 6), {name: rivals} of these).
+    """Return (effects [(name, parameters)] of a twin with those that corners tell, poses (n, 6)).
 
-    The twin's own where corners are a small part of what it leaves open.
+    The twin's own where corners are a small part of what it leaves open, or all that moves points explains little of them.
     """
     moving = [n for n in names if library.is_pure_geometry(n) and n not in twin.names]
     if not moving or not has_good_share("corners", twin.excess):
-        return list(twin.effects), twin.poses, {}
+        return list(twin.effects), twin.poses
     start, none = search.problem.start_poses(), search.solver.no_offsets()
+    before = _excess(search, *_fitted(search, list(twin.effects), start, none), none)
     effects, poses = _fitted(search, [*twin.effects, *((n, library.nulls_of(n)) for n in moving)], start, none)
-    cost_without = _cost_without(search, effects, poses, none)
-    kept = _fewest(moving, cost_without)
-    rivals = {n: _rivals(n, kept, moving, cost_without) for n in kept}
-    effects, poses = _fitted(search, [e for e in effects if e[0] in {*twin.names, *kept}], start, none)
-    return effects, poses, rivals
+    if _excess(search, effects, poses, none) > (1 - MIN_SHARE) * before:
+        return list(twin.effects), twin.poses
+    kept = _fewest(moving, _cost_without(search, effects, poses, none))
+    return _fitted(search, [e for e in effects if e[0] in {*twin.names, *kept}], start, none)
+
+
+def _excess(search, effects, poses, offsets):
+    """Return the training captures' loss of corners above that of their noise."""
+    _, loss, count = search.solver.precision_by_corners(effects, _moving(search, effects), poses, offsets, search.train)
+    return max(loss - RHO_NOISE * count, 0.0)
 
 
 def told_beside_the_rest(search, twin, names):
@@ -49,8 +54,14 @@ def told_beside_the_rest(search, twin, names):
 
 def _fitted(search, effects, poses, offsets):
     """Return (effects, poses) with all that moves points fitted to the training captures' corners, from afar."""
-    free = [f for f in search.free(effects) if library.is_pure_geometry(f[0])]
-    return search.solver.fit_geometry(effects, free, poses, offsets, search.train, SCALE, ITERATIONS)
+    return search.solver.fit_geometry(
+        effects, _moving(search, effects), poses, offsets, search.train, SCALE, ITERATIONS
+    )
+
+
+def _moving(search, effects):
+    """Return the free parameters [(effect, parameter)] of those of some effects that only move points."""
+    return [f for f in search.free(effects) if library.is_pure_geometry(f[0])]
 
 
 def _cost_without(search, effects, poses, offsets):
@@ -58,7 +69,7 @@ def _cost_without(search, effects, poses, offsets):
 
     Corners that other effects move a little scatter by more than their noise: losses are in units of what is left.
     """
-    free = [f for f in search.free(effects) if library.is_pure_geometry(f[0])]
+    free = _moving(search, effects)
     H, loss, count = search.solver.precision_by_corners(effects, free, poses, offsets, search.train)
     covariance = np.linalg.pinv(H + 1e-12 * np.eye(len(free)))
     away = np.array([get_parameter(effects, f) for f in free]) - priors_of(free)[0]
@@ -83,10 +94,3 @@ def _fewest(names, cost_without, least=CLEAR_EVIDENCE * MIN_GAIN):
         if costs[best] < least:
             return list(best)
     return list(names)
-
-
-def _rivals(name, kept, names, cost_without):
-    """Return those of some effects that, in the place of one that is kept, cost little of what it is worth."""
-    rest = set(names) - set(kept)
-    least = (1 - RIVAL_SHARE) * cost_without(rest | {name})
-    return sorted(n for n in rest if cost_without((rest | {name}) - {n}) < least)

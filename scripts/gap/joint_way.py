@@ -9,7 +9,15 @@ from dataclasses import replace
 import numpy as np
 
 from effects import library
-from gap.exchange import FURTHER_ITERATIONS, exchanged, loss_of, or_leader_alone, short_fit, with_best_starts
+from gap.exchange import (
+    FURTHER_ITERATIONS,
+    exchanged,
+    from_best_starts,
+    loss_of,
+    or_leader_alone,
+    short_fit,
+    with_best_starts,
+)
 from gap.geometry_first import told_beside_the_rest, told_by_corners
 from gap.linear_model import (
     MIN_SHARE_OF_FIRST,
@@ -88,11 +96,10 @@ def _together(selection, base, twin, names, before, taken, propose):
 
 def first_proposal(search, twin, names):
     """Return (Proposal, poses near it) of what corners tell, and of what is proposed beside that."""
-    effects, poses, rivals = told_by_corners(search, twin, names)
+    effects, poses = told_by_corners(search, twin, names)
     moving = [e for e in effects if e[0] not in twin.names]
     near = _seen(search, replace(twin, effects=tuple(effects), poses=poses)) if moving else twin
-    further = proposed(search, near, names)
-    return further.after(moving, rivals), poses
+    return proposed(search, near, names).after(moving), poses
 
 
 def proposal_without_codec(search, twin, names):
@@ -101,7 +108,7 @@ def proposal_without_codec(search, twin, names):
     """
     shown = [(n, search.problem.starts_of(n)[0]) for n in names if search.problem.shows(n) and n not in twin.names]
     others, poses = first_proposal(search, twin, [n for n in names if n not in dict(shown)])
-    return others.after(shown, dict.fromkeys(dict(shown), [])), poses
+    return others.after(shown), poses
 
 
 def _told_by(selection, few):
@@ -343,11 +350,13 @@ def _fitted_in(search, twin, proposal):
     new, rough = search.free(proposal.effects), [n for n in proposal.names if search.problem.shows(n)]
     effects = with_best_starts(search, twin, proposal)
     end = short_fit(search, effects, twin.poses, SCALE_FROM_START, FIRST_ITERATIONS, new, rough)
-    effects = list(search.discrete.compared_once_more(end.state.effects, None, end.state.poses))
+    effects, poses = from_best_starts(search, end, proposal.names)
+    iterations = FURTHER_ITERATIONS if effects == list(end.state.effects) else FIRST_ITERATIONS
+    effects = list(search.discrete.compared_once_more(effects, None, poses))
     for name in proposal.names:
-        effects = search.discrete.with_choices(name, State(effects, end.state.poses))
+        effects = search.discrete.with_choices(name, State(effects, poses))
     if effects != list(end.state.effects) or search.free(twin.effects):
-        end = short_fit(search, effects, end.state.poses, SCALE_FROM_START)
+        end = short_fit(search, effects, poses, SCALE_FROM_START, iterations)
     alike = {}
     for name in proposal.names:
         rivals = [n for n in proposal.rivals[name] if n not in dict(end.state.effects)]

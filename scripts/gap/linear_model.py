@@ -55,10 +55,10 @@ class Proposal:
         """The names of its effects, best first."""
         return [name for name, _ in self.effects]
 
-    def after(self, effects, rivals):
-        """Return the Proposal with others before its own."""
-        alone = self.alone and self.alone.after(effects, rivals)
-        return Proposal([*effects, *self.effects], rivals | self.rivals, self.along, alone)
+    def after(self, effects):
+        """Return the Proposal with others, which have no rivals, before its own."""
+        alone, none = self.alone and self.alone.after(effects), {name: [] for name, _ in effects}
+        return Proposal([*effects, *self.effects], none | self.rivals, self.along, alone)
 
 
 class LinearModel:

@@ -28,9 +28,9 @@ class PhotographsCase(Case):
         self.place = BoardPlace(self.scene.plates[0])
 
     def scene_of(self, effects):
-        """Return (scene, prints, corners of the patches' codes (p, 4, 3)) of the twin with these effects."""
+        """Return (scene, corners of the patches' codes (p, 4, 3)) of the twin with these effects."""
         scene = pipeline.scene_with_effects(self.scene, effects)
-        return scene, self._prints_of(scene), on_board(scene, self.scene, self.corners)
+        return scene, on_board(scene, self.scene, self.corners)
 
     def lit(self, radiance, light, x, y):
         """Return the radiance (rows, columns, 3) under a capture's light, LIGHT (11,), at world x and y (rows, columns)."""

@@ -39,8 +39,8 @@ def encoding_table(encoding, exposure):
 
 def code_corners_world(plate):
     """Return the code's four outer corners (4, 3) in the world: the grid without its outermost ring."""
-    grid = plate.grid_world()
-    return np.stack([grid[-2, 1], grid[-2, -2], grid[1, -2], grid[1, 1]])
+    (left, right), (low, high) = plate.x_m[[1, -2]], plate.y_m[[1, -2]]
+    return plate.to_world(np.array([[left, high], [right, high], [right, low], [left, low]]))
 
 
 @dataclass
@@ -111,7 +111,7 @@ class Case:
     # -- geometry ---------------------------------------------------------------------------------------------
 
     def scene_of(self, effects):
-        """Return (scene, prints, world corners of the codes (p, 4, 3)) of the twin with these effects."""
+        """Return (scene, world corners of the codes (p, 4, 3)) of the twin with these effects."""
         key = pipeline.key_of([(n, p) for n, p in effects if library.effect_named(n).STAGE == "scene"])
         found = self._scenes.get(key)
         if found is None:
@@ -119,8 +119,17 @@ class Case:
                 self._scenes.clear()
             scene = pipeline.scene_with_effects(self.scene, effects)
             corners = np.array([code_corners_world(p) for p in scene.plates])
-            found = self._scenes[key] = scene, self._prints_of(scene), corners
+            found = self._scenes[key] = scene, corners
         return found
+
+    def prints_of(self, scene):
+        """Return the Prints of a scene, the same ones while only its light changes."""
+        for plates, ink_spread_m, prints in self._prints:
+            if plates is scene.plates and ink_spread_m == scene.ink_spread_m:
+                return prints
+        made = Prints(printed_plates(scene))
+        self._prints = self._prints[-SCENES_KEPT:] + [(scene.plates, scene.ink_spread_m, made)]
+        return made
 
     def rims_of(self, effects):
         """Return how far the twin's plates reach beyond the nominal ones (p,), metres, codes brought to one size."""
@@ -136,22 +145,13 @@ class Case:
         """Return the states (p, 14) from which plates with corners (p, 4, 2) are measured; features 0 to 7 come first."""
         return states_at(corners, self.codes, self.rims_of(effects))
 
-    def _prints_of(self, scene):
-        """Return the Prints of a scene, the same ones while only its light changes."""
-        for plates, ink_spread_m, prints in self._prints:
-            if plates is scene.plates and ink_spread_m == scene.ink_spread_m:
-                return prints
-        made = Prints(printed_plates(scene))
-        self._prints = self._prints[-SCENES_KEPT:] + [(scene.plates, scene.ink_spread_m, made)]
-        return made
-
     def view_of(self, capture, effects, delta):
         """Return the capture's view at its nominal pose moved by delta (6,), the twin's mount included."""
         return _moved(self.scene_of(effects)[0], capture.view, delta)
 
     def corners_of(self, capture, effects, delta, points=None):
         """Return the exact pixels (p, 4, 2) where the twin has the codes' corners (or other points (p, k, 3))."""
-        scene, _, corners = self.scene_of(effects)
+        scene, corners = self.scene_of(effects)
         view = _moved(scene, capture.view, delta)
         world = corners if points is None else points
         pixels = project(view.K, view.T_cam_world, world)
@@ -165,7 +165,7 @@ class Case:
 
     def corners_by_parameters(self, capture, effects, delta, free, steps):
         """Return the derivatives (p, 4, 2, k) of ``corners_of`` by parameters ``free`` of effects that move points."""
-        scene, _, corners = self.scene_of(effects)
+        scene, corners = self.scene_of(effects)
         view = _moved(scene, capture.view, delta)
         flat = project(view.K, view.T_cam_world, corners).reshape(-1, 2)
         ok = np.isfinite(flat).all(1)
@@ -188,7 +188,8 @@ class Case:
         """Return the linear radiance (H + 2m, W + 2m, C) of the twin, exact coverage: points where they land, light spread."""
         effects = self.seen_with(effects, delta)
         view = self.view_of(capture, effects, delta)
-        scene, prints, _ = self.scene_of(effects)
+        scene, _ = self.scene_of(effects)
+        prints = self.prints_of(scene)
         channels = (0, 1, 2) if pipeline.is_chromatic(effects) else (1,)
         spread = pipeline.light_spread(view, effects)
         planes = []

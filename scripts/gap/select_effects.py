@@ -10,6 +10,7 @@ import numpy as np
 
 from effects import library
 from gap.exchange import is_simple, loss_of, short_fit
+from gap.geometry_first import told_by_corners
 from gap.joint_way import MANY, all_at_once
 from gap.outcome import Selection, Step, outcome_of, twins_on_the_way, without_unneeded
 from gap.search import (
@@ -29,7 +30,6 @@ from gap.standing import (
     MAX_FLOOR_GAP,
     MIN_SHARE,
     closes_a_good_share,
-    has_good_share,
     is_at_floor,
     is_enough,
     is_open,
@@ -168,7 +168,7 @@ def _with_joint_geometry(selection, base, first, best, before):
     Beside other large moves of points the robust loss hides what each of them is worth. Those that are not needed go.
     """
     search, names = selection.search, [c.effect for c in first if library.is_pure_geometry(c.effect)]
-    if not is_open(best.twin, "corners", before) or not has_good_share("corners", before):
+    if not is_open(best.twin, "corners", before) or len(told_by_corners(search, base, names)[0]) == len(base.names):
         return best
     together = search.fitted([*base.effects, *((n, library.nulls_of(n)) for n in names)])
     if together.excess["corners"] > MAX_LEFT_TOGETHER * best.twin.excess["corners"]:

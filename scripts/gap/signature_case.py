@@ -80,7 +80,8 @@ def twin_photograph(case, view, given, light, plates, features, in_colour, own=(
 
     def draw(atlas, drawn):
         effects, planes = [*given, *drawn], []
-        scene, prints, _ = case.scene_of(effects)
+        scene, _ = case.scene_of(effects)
+        prints = case.prints_of(scene)
         for channel in (0, 1, 2) if pipeline.is_chromatic(effects) else (1,):
             mapping = pipeline.point_map(view, effects, channel)
             planes.append(shade(scene, view, *window_coverages(prints, view, atlas, mapping), None))

@@ -97,13 +97,12 @@ def test_what_corners_tell_goes_in_first(monkeypatch):
         asked.append((twin.names, twin.poses, names))
         return Proposal([("lens_blur", library.nulls_of("lens_blur"))], {"lens_blur": []})
 
-    told = moved, "moved poses", {"focal_length": ["marker_scale"]}
-    monkeypatch.setattr(joint_way, "told_by_corners", lambda *_: told)
+    monkeypatch.setattr(joint_way, "told_by_corners", lambda *_: (moved, "moved poses"))
     monkeypatch.setattr(joint_way, "proposed", proposed)
     monkeypatch.setattr(joint_way, "_seen", lambda _, twin: twin)
     first, poses = first_proposal(None, base_twin(), ["lens_blur", "defocus"])
     assert first.names == ["focal_length", "lens_blur"] and poses == "moved poses"
-    assert first.rivals == {"focal_length": ["marker_scale"], "lens_blur": []}
+    assert first.rivals == {"focal_length": [], "lens_blur": []}
     assert asked == [(["focal_length"], "moved poses", ["lens_blur", "defocus"])]
 
 
@@ -211,7 +210,7 @@ def test_rivals_of_what_is_idle_are_not_fitted(monkeypatch, scale, asked):
         free=lambda effects: [],
         discrete=discrete,
         is_fixed=lambda name: False,
-        problem=SimpleNamespace(shows=lambda name: {}),
+        problem=SimpleNamespace(shows=lambda name: {}, starts_of=lambda name: [{}]),
     )
     joint_way._fitted_in(search, base_twin(), Proposal(effects, {"exposure": ["vignetting"]}))
     assert compared == asked
@@ -230,7 +229,7 @@ def test_a_later_round_is_fitted_beside_the_codec_that_the_twin_has(monkeypatch,
 
     monkeypatch.setattr(joint_way, "short_fit", descended)
     discrete = SimpleNamespace(compared_once_more=lambda e, *_: e, with_choices=lambda _, state: state.effects)
-    problem = SimpleNamespace(shows=lambda n: n == "jpeg_compression")
+    problem = SimpleNamespace(shows=lambda n: n == "jpeg_compression", starts_of=lambda n: [{}])
     search = SimpleNamespace(free=lambda _: [], discrete=discrete, problem=problem)
     joint_way._fitted_in(search, twin, proposal)
     assert rough == [[] if has_codec else ["jpeg_compression"]]

@@ -8,7 +8,7 @@ from stand_in_twins import base_twin, standing_with
 
 from effects import library
 from gap import exchange, joint_way
-from gap.exchange import with_best_starts
+from gap.exchange import from_best_starts, with_best_starts
 from gap.joint_way import all_at_once
 from gap.linear_model import Proposal
 from gap.outcome import Selection
@@ -164,6 +164,42 @@ def test_a_later_round_begins_where_a_start_leaves_least(monkeypatch, fitted, st
     twin = SimpleNamespace(effects=[(name, {}) for name in fitted], poses=None)
     guess = Proposal([("denoising", library.nulls_of("denoising") | {"strength_dn": 3.0})])
     assert dict(with_best_starts(search, twin, guess))["denoising"]["strength_dn"] == strength_dn
+
+
+@pytest.mark.parametrize(("focus_m", "found"), [(0.5, 0.9), (0.9, 0.9)], ids=["in another valley", "right"])
+def test_what_is_fitted_in_another_valley_begins_anew_from_its_starts(monkeypatch, focus_m, found):
+    """Fails if a lens that is in focus nearer than all plates stays so where it leaves less in focus beyond them, if what is
+    right begins anew, or if what moves points or has one start is fitted again.
+    """
+    fitted = []
+
+    def short_fit(_, effects, poses, scale, moving):
+        fitted.append(moving)
+        focus = dict(effects)["defocus"]["focus_m"]
+        there = 0.9 if focus > 1 else focus  # from the farther start alone the way leads there
+        effects = [(n, p | {"focus_m": there} if n == "defocus" else p) for n, p in effects]
+        return SimpleNamespace(state=SimpleNamespace(effects=effects, poses="moved"), loss=100 + 1e4 * abs(there - 0.9))
+
+    monkeypatch.setattr(exchange, "short_fit", short_fit)
+    names = ["focal_length", "vignetting", "defocus"]
+    effects = [(n, library.nulls_of(n)) for n in names[:2]] + [("defocus", {"focus_m": focus_m})]
+    end = SimpleNamespace(state=SimpleNamespace(effects=effects, poses="here"), loss=100 + 1e4 * abs(focus_m - 0.9))
+    problem = SimpleNamespace(starts_of=library.starts_of, shows=lambda _: False)
+    search = SimpleNamespace(problem=problem, free=lambda effects: [(n, "*") for n, _ in effects])
+    effects, poses = from_best_starts(search, end, names)
+    assert [n for n, _ in effects] == names and dict(effects)["defocus"]["focus_m"] == found
+    assert poses == ("here" if focus_m == found else "moved") and fitted == [[("defocus", "*")]] * 2
+
+
+def test_of_many_starts_those_are_fitted_that_leave_least(monkeypatch):
+    """Fails if a highlight is fitted from all places of its lamp, or from the first ones whatever they leave."""
+    monkeypatch.setattr(exchange, "probes", lambda train: train)
+    monkeypatch.setattr(exchange, "total", lambda left, nu: left)
+    off = SimpleNamespace(residuals_of=lambda effects, *_: abs(dict(effects)["specular_highlight"]["y_m"] - 2.3))
+    search = SimpleNamespace(solver=off, problem=SimpleNamespace(starts_of=library.starts_of), train=[0])
+    end = SimpleNamespace(state=SimpleNamespace(effects=[("specular_highlight", {})], poses=None))
+    nearest = exchange._nearest_starts(search, end, "specular_highlight")
+    assert len(nearest) == 2 and {start["y_m"] for start in nearest} == {2.2}
 
 
 @pytest.mark.parametrize(("is_idle", "kept"), [(True, ["denoising"]), (False, ["denoising", "sensor_noise"])])

@@ -165,7 +165,8 @@ class Shown:
         """Return the linear radiance (rows, columns, C) of the windows."""
         problem = self.problem
         view = self.problem.view_of(self.capture, effects, self.pose)
-        scene, prints, _ = problem.scene_of(effects)
+        scene, _ = problem.scene_of(effects)
+        prints = problem.prints_of(scene)
         spread = pipeline.light_spread(view, effects)
         planes = []
         for channel in (0, 1, 2) if pipeline.is_chromatic(effects) else (1,):
@@ -250,7 +251,7 @@ class Shown:
     @cached_property
     def _noise_regions(self):
         """The cells whose regions are ground or sky here as well: -1 where a plate of the twin's is near."""
-        outlines = self.problem.scene_of(self.effects)[1].outlines
+        outlines = self.problem.prints_of(self.problem.scene_of(self.effects)[0]).outlines
         outlines = self.problem.corners_of(self.capture, self.effects, self.pose, outlines)
         outlines = outlines[np.isfinite(outlines).all((1, 2))]
         low, high = outlines.min(1) - CLEAR_PX, outlines.max(1) + CLEAR_PX
