@@ -4,7 +4,7 @@ from functools import partial
 
 from effects import library
 from gap.residuals import NU, total, width_of
-from gap.search import MAX_STARTS, MIN_GAIN, SCALE_FROM_NEAR, SCALE_FROM_START
+from gap.search import MAX_BEHIND, MAX_STARTS, MIN_GAIN, SCALE_FROM_NEAR, SCALE_FROM_START
 from gap.split import probes
 from gap.standing import MIN_SHARE
 
@@ -79,16 +79,21 @@ def exchanged(search, end, name, rivals, iterations=FURTHER_ITERATIONS):
     """Return (Descent in which an effect or one of its rivals has its place, whichever leaves least, its name, the others
     [(name, p)] that leave as little): all fitted as long, for so many ``iterations``.
 
-    One of many forms takes a simple one's place only where it leaves ``MIN_SHARE`` less: it fits what is missing besides as well.
+    A rival is fitted with everything from the best of its starts, its own parameters fitted alone, where that leaves no more
+    than ``MAX_BEHIND`` times as much. One of many forms takes a simple one's place only where it leaves ``MIN_SHARE`` less: it
+    fits what is missing besides as well.
     """
     effects, poses = end.state.effects, end.state.poses
     others = [e for e in effects if e[0] != name]
     ends = {}
     for rival in rivals:
+        own = search.free([(rival, library.nulls_of(rival))])
         starts = search.problem.starts_of(rival)[:MAX_STARTS]
-        trials = [short_fit(search, [*others, (rival, start)], poses, SCALE_FROM_NEAR, iterations) for start in starts]
-        ends[rival] = min(trials, key=loss_of)
-    if min(map(loss_of, ends.values())) < end.loss + MIN_GAIN:
+        trials = [short_fit(search, [*others, (rival, start)], poses, SCALE_FROM_NEAR, moving=own) for start in starts]
+        best = min(trials, key=loss_of)
+        if best.loss < MAX_BEHIND * end.loss:
+            ends[rival] = short_fit(search, best.state.effects, best.state.poses, SCALE_FROM_NEAR, iterations)
+    if any(rival.loss < end.loss + MIN_GAIN for rival in ends.values()):
         end = min(end, short_fit(search, effects, poses, SCALE_FROM_NEAR, iterations), key=loss_of)
     ends[name] = end
     held_back = 1.0 if has_forms(name) else 1 / (1 - MIN_SHARE)

@@ -18,20 +18,21 @@ SCALE, ITERATIONS = 64.0, 16  # robust scale at which the joint fit begins, and 
 
 
 def told_by_corners(search, twin, names):
-    """Return (effects [(name, parameters)] of a twin with those that corners tell, poses (n, 6)).
+    """Return (effects [(name, parameters)] of a twin with those that corners tell, poses (n, 6), ``names`` that images may tell).
 
-    The twin's own where corners are a small part of what it leaves open, or all that moves points explains little of them.
+    The twin's own where corners are a small part of what it leaves open. Where all that moves points explains little of them,
+    images would tell patches: they are asked for the others alone.
     """
     moving = [n for n in names if library.is_pure_geometry(n) and n not in twin.names]
     if not moving or not has_good_share("corners", twin.excess):
-        return list(twin.effects), twin.poses
+        return list(twin.effects), twin.poses, names
     start, none = search.problem.start_poses(), search.solver.no_offsets()
     before = _excess(search, *_fitted(search, list(twin.effects), start, none), none)
     effects, poses = _fitted(search, [*twin.effects, *((n, library.nulls_of(n)) for n in moving)], start, none)
     if _excess(search, effects, poses, none) > (1 - MIN_SHARE) * before:
-        return list(twin.effects), twin.poses
+        return list(twin.effects), twin.poses, [n for n in names if n not in moving]
     kept = _fewest(moving, _cost_without(search, effects, poses, none))
-    return _fitted(search, [e for e in effects if e[0] in {*twin.names, *kept}], start, none)
+    return *_fitted(search, [e for e in effects if e[0] in {*twin.names, *kept}], start, none), names
 
 
 def _excess(search, effects, poses, offsets):

@@ -45,7 +45,6 @@ from gap.twin import Candidate, rank
 
 MANY = 3  # effects that are proposed at once: fewer are looked for one by one
 MAX_ROUNDS = 6
-MAX_AGAIN = 4  # effects that are proposed together where few of them closed too little
 MIN_PLATES = 12  # of a capture, of which rounds leave out half
 MAX_SHARE_ASKED = 0.5  # of what is left, that a round need not exceed; an effect that brings less is taken out to see
 FIRST_ITERATIONS = 9  # of a round's fit
@@ -96,7 +95,7 @@ def _together(selection, base, twin, names, before, taken, propose):
 
 def first_proposal(search, twin, names):
     """Return (Proposal, poses near it) of what corners tell, and of what is proposed beside that."""
-    effects, poses = told_by_corners(search, twin, names)
+    effects, poses, names = told_by_corners(search, twin, names)
     moving = [e for e in effects if e[0] not in twin.names]
     near = _seen(search, replace(twin, effects=tuple(effects), poses=poses)) if moving else twin
     return proposed(search, near, names).after(moving), poses
@@ -143,7 +142,7 @@ def _found(selection, base, here, names, proposal):
     do as well in its place}).
     """
     search, order, dropped, alike = selection.search, [], set(), {}
-    at, model, wider = None, None, False
+    at, model = None, None
     for _ in range(MAX_ROUNDS):
         if not proposal.effects or dropped.issuperset(proposal.names) or selection.is_spent():
             break
@@ -152,15 +151,8 @@ def _found(selection, base, here, names, proposal):
             selection.progress(", ".join(proposal.names), search.cost / selection.budget)
         there, end, as_good, went = _round(search, base, here, proposal)
         if there is None:
-            if model is None or wider:
-                break
-            # what is missing cancels, as noise and what smooths it: alone neither is worth a round
-            wider, asked, proposal = True, set(proposal.names), selected(search, here, *model, most=MAX_AGAIN)
-            if asked.issuperset(proposal.names):
-                break
-            continue
-        dropped, wider = went, False
-        here, at, alike = there, end, alike | as_good
+            break
+        here, at, alike, dropped = there, end, alike | as_good, went
         model = linear_model(search, here, [n for n in names if n not in here.names])
         if is_at_floor(here):
             break

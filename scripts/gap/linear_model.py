@@ -106,8 +106,8 @@ def proposed(search, twin, names):
     return selected(search, twin, *linear_model(search, twin, [n for n in names if n not in twin.names]))
 
 
-def selected(search, twin, ways, model, least_share=MIN_SHARE_PROPOSED, share_of_first=0.0, most=MAX_TOGETHER):
-    """Return the Proposal of those Ways of a LinearModel about a twin that explain most together, at most so many.
+def selected(search, twin, ways, model, least_share=MIN_SHARE_PROPOSED, share_of_first=0.0):
+    """Return the Proposal of those Ways of a LinearModel about a twin that explain most together, MAX_TOGETHER at most.
 
     Forward selection in the derivatives of a few captures, the twin's own parameters and poses going along. What
     captures show by themselves comes first, whatever it adds; what else adds less than a share of all that could be gained, or
@@ -119,7 +119,7 @@ def selected(search, twin, ways, model, least_share=MIN_SHARE_PROPOSED, share_of
     shown = [n for n in dict.fromkeys(way.effect for way in ways) if search.problem.shows(n)]
     taken = [next(way for way in ways if way.effect == n) for n in shown]
     left = [way for way in ways if way.effect not in shown]
-    while left and len(taken) < most:
+    while left and len(taken) < MAX_TOGETHER:
         columns = [k for way in taken for k in way.columns]
         so_far = model.gain(columns)
         gains = [model.gain([*columns, *w.columns]) - so_far - 2 * len(w.columns) / captures for w in left]

@@ -30,7 +30,7 @@ def told(tmp_path_factory):
 
 def test_corners_tell_exactly_what_moved_them(told):
     """Fails if one of three large moves is missed, hides another, or is made up for by one that was not hidden."""
-    search, base, (effects, poses) = told
+    search, base, (effects, poses, _) = told
     assert sorted(n for n, _ in effects) == MOVING
     none = search.solver.no_offsets()
     before, after = (
@@ -42,7 +42,7 @@ def test_corners_tell_exactly_what_moved_them(told):
 
 def test_a_blur_is_proposed_by_the_start_that_is_like_it(told):
     """Fails if a blur is told by the change to its farthest start alone, which is none of a small one."""
-    search, base, (effects, poses) = told
+    search, base, (effects, poses, _) = told
     names = [n for n in rigid(search) if n not in MOVING]
     near = search.scored(search.solver.fit(effects, [], poses, search.train, 1), [])
     found = dict(proposed(search, near, names).effects)
@@ -52,7 +52,7 @@ def test_a_blur_is_proposed_by_the_start_that_is_like_it(told):
 
 def test_corners_tell_again_what_moved_them_beside_the_rest(told):
     """Fails if a move that stood for another stays once it is known what blur and levels do to corners, or they go as well."""
-    search, _, (effects, poses) = told
+    search, _, (effects, poses, _) = told
     others = ["tangential_distortion", "focal_length", "rolling_shutter"]
     wrong = [(n, library.starts_of(n)[0]) for n in ("lens_blur", "exposure")]
     wrong += [(n, dict(effects).get(n, library.nulls_of(n))) for n in others]
@@ -65,16 +65,19 @@ def test_where_corners_are_in_place_they_tell_nothing(tmp_path):
     """Fails if the corners of a camera whose levels are off are fitted by lenses."""
     search = Search(case_of_several(tmp_path, ["exposure"]))
     base = search.fitted([])
-    effects, poses = told_by_corners(search, base, rigid(search))
-    assert effects == [] and poses is base.poses
+    effects, poses, left = told_by_corners(search, base, rigid(search))
+    assert effects == [] and poses is base.poses and left == rigid(search)
 
 
 def test_what_no_lens_explains_is_not_told_by_corners(tmp_path):
-    """Fails if corners that nothing rigid brings into place are taken for lenses and shutters that help a little."""
+    """Fails if corners that nothing rigid brings into place are taken for lenses and shutters that help a little, or if images
+    are asked for these as well.
+    """
     search = Search(case_of_several(tmp_path, ["local_warp"], size="standard"))
     base = search.fitted([])
-    effects, _ = told_by_corners(search, base, rigid(search))
+    effects, _, left = told_by_corners(search, base, rigid(search))
     assert base.excess["corners"] > 1000 and effects == []
+    assert left == [n for n in rigid(search) if not library.is_pure_geometry(n)]
 
 
 WORTH = {"focal_length": 9_000.0, "principal_point": 3_000.0, "marker_scale": 60.0}

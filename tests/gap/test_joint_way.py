@@ -97,7 +97,7 @@ def test_what_corners_tell_goes_in_first(monkeypatch):
         asked.append((twin.names, twin.poses, names))
         return Proposal([("lens_blur", library.nulls_of("lens_blur"))], {"lens_blur": []})
 
-    monkeypatch.setattr(joint_way, "told_by_corners", lambda *_: (moved, "moved poses"))
+    monkeypatch.setattr(joint_way, "told_by_corners", lambda *given: (moved, "moved poses", given[2]))
     monkeypatch.setattr(joint_way, "proposed", proposed)
     monkeypatch.setattr(joint_way, "_seen", lambda _, twin: twin)
     first, poses = first_proposal(None, base_twin(), ["lens_blur", "defocus"])
@@ -171,11 +171,29 @@ def descent(loss, name):
 def test_the_name_is_that_of_what_leaves_least(monkeypatch, loss_px, kept, as_good):
     """Fails if a rival that leaves less does not take the name, or what leaves as little is not told."""
     losses = {"defocus": loss_px, "lens_blur": 1000.0}
-    monkeypatch.setattr(exchange, "short_fit", lambda _, effects, *__: descent(losses[effects[-1][0]], effects[-1][0]))
-    search = SimpleNamespace(problem=SimpleNamespace(starts_of=library.starts_of))
+    monkeypatch.setattr(
+        exchange, "short_fit", lambda _, effects, *__, **___: descent(losses[effects[-1][0]], effects[-1][0])
+    )
+    search = SimpleNamespace(problem=SimpleNamespace(starts_of=library.starts_of), free=lambda _: [])
     end, name, others = exchange.exchanged(search, descent(1000.0, "lens_blur"), "lens_blur", ["defocus"])
     assert (end.state.effects[-1][0], name) == (kept, kept)
     assert [n for n, _ in others] == as_good
+
+
+@pytest.mark.parametrize(("loss", "whole"), [(1900.0, 1), (2100.0, 0)], ids=["near", "far"])
+def test_a_rival_is_fitted_with_everything_from_its_best_start(monkeypatch, loss, whole):
+    """Fails if time is spent on fits of everything from each start, or from one that leaves far more by itself."""
+    fits = []
+
+    def short_fit(_, effects, *__, moving=None):
+        fits.append(moving)
+        (name, p), best = effects[-1], library.starts_of("defocus")[1]
+        return descent(loss if p == best else 5000.0, name)
+
+    monkeypatch.setattr(exchange, "short_fit", short_fit)
+    search = SimpleNamespace(problem=SimpleNamespace(starts_of=library.starts_of), free=lambda e: [e[0][0]])
+    _, name, _ = exchange.exchanged(search, descent(1000.0, "lens_blur"), "lens_blur", ["defocus"])
+    assert name == "lens_blur" and fits == [["defocus"], ["defocus"], *[None] * whole]
 
 
 @pytest.mark.parametrize(
@@ -191,8 +209,10 @@ def test_the_name_is_that_of_what_leaves_least(monkeypatch, loss_px, kept, as_go
 def test_a_form_takes_a_simple_effects_place_only_where_it_saves_much(monkeypatch, held, rival, loss, kept):
     """Fails if a curve takes the name of an exposure because it also fits a little of what is missing besides."""
     losses = {held: 1000.0, rival: loss}
-    monkeypatch.setattr(exchange, "short_fit", lambda _, effects, *__: descent(losses[effects[-1][0]], effects[-1][0]))
-    search = SimpleNamespace(problem=SimpleNamespace(starts_of=library.starts_of))
+    monkeypatch.setattr(
+        exchange, "short_fit", lambda _, effects, *__, **___: descent(losses[effects[-1][0]], effects[-1][0])
+    )
+    search = SimpleNamespace(problem=SimpleNamespace(starts_of=library.starts_of), free=lambda _: [])
     _, name, others = exchange.exchanged(search, descent(1000.0, held), held, [rival])
     assert name == kept and not others
 

@@ -27,29 +27,6 @@ def found_in_rounds(monkeypatch, one_round, selected, first):
     return joint_way._found(selection, base_twin(), base_twin(), ["denoising", "sensor_noise", "sharpening"], first)[0]
 
 
-@pytest.mark.parametrize(
-    ("wide", "asked"), [(["denoising", "sensor_noise"], 3), (["denoising"], 2)], ids=["more", "same"]
-)
-def test_what_cancels_is_proposed_together(monkeypatch, wide, asked):
-    """Fails if rounds end where noise and what smooths it are missing, as neither is worth a round, or ask the same again."""
-    rounds = []
-
-    def one_round(search, base, here, proposal):
-        rounds.append(proposal.names)
-        if proposal.names == ["denoising"]:
-            return None, None, None, None
-        return replace(here, effects=(*here.effects, *proposal.effects)), "end", {}, set()
-
-    def selected(*_, most=None, **__):
-        return of(wide if most else ["denoising"])
-
-    def of(names):
-        return Proposal([(n, library.nulls_of(n)) for n in names], dict.fromkeys(names, []))
-
-    found = found_in_rounds(monkeypatch, one_round, selected, of(["exposure"]))
-    assert len(rounds) == asked and found.names == ["exposure", *(wide if asked == 3 else [])]
-
-
 @pytest.mark.parametrize(("loss", "kept"), [(900.0, "veiling_glare"), (1100.0, "tone_curve")], ids=["less", "more"])
 def test_another_takes_the_place_where_held_out_captures_lose_less(monkeypatch, loss, kept):
     """Fails if what fits the fitted captures alone takes a name, or a curve keeps that of a glare."""
