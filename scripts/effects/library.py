@@ -80,6 +80,11 @@ def affects(name):
     return effect_named(name).AFFECTS
 
 
+def is_before_sensor(name):
+    """Return whether an effect acts on light: the scene's, the lens's or the shutter's."""
+    return STAGES.index(effect_named(name).STAGE) < STAGES.index("sensor")
+
+
 def is_pure_geometry(name):
     """Return whether an effect only moves points, those of all colours alike: exact maps then tell all that it does."""
     return affects(name) == "geometry" and not getattr(effect_named(name), "CHROMATIC", False)

@@ -84,3 +84,20 @@ def test_what_a_change_draws_is_not_kept(case):
     for sigma_px in (0.8, 0.9):
         shown.change([("lens_blur", {"sigma_px": sigma_px, "softness": 1.0})])
     assert list(shown._drawn) == own
+
+
+def test_noise_follows_what_the_sensor_and_what_comes_after_it_do(case):
+    """Fails if a derivative by a filter or a noise leaves noise as it is, or if time is spent on noise behind another lens; where
+    all is measured again, a brighter scene has other noise.
+    """
+    before = [("sensor_noise", {"gain_dn_per_e": 0.2, "read_noise_dn": 1.0}), ("exposure", {"scale": 1.1})]
+    shown = Shown(case, case.captures[0], before, np.zeros(6), True)
+    moved = {
+        name: [
+            np.abs(shown.change([*before, (name, clear(name))], by_response).noise).max()
+            for by_response in (True, False)
+        ]
+        for name in ("vignetting", "denoising", "fixed_pattern_noise")
+    }
+    assert moved["vignetting"][0] == 0 < moved["vignetting"][1]
+    assert all(noise > 0 for name in ("denoising", "fixed_pattern_noise") for noise in moved[name])

@@ -273,8 +273,8 @@ class Shown:
         """Return the Prediction's change (features, colour, field, noise) where the effects become others that differ in what
         an image shows (poses and points stay in the same windows); the capture's own numbers as in ``own`` (6 + k,), or as here.
 
-        Features change to first order in the image (``by_response``: what that takes serves many changes), or are measured again
-        from where they were.
+        Features change to first order in the image (``by_response``: what that takes serves many changes), and noise stays where
+        nothing but the light before the sensor changes; or all is measured again, features from where they were.
         """
         effects = self.problem.seen_with(effects, self.pose if own is None else own)
         same = drawn_key(effects) == drawn_key(self.effects)
@@ -297,7 +297,9 @@ class Shown:
                 colour[i] = colour_of(change[window], self._colour_responses[i])
         field, _ = measure_regions(grey, self.atlas, self.plates, self.regions)
         noise = None
-        if self.with_noise:
+        if self.with_noise and by_response and noise_key(effects) == noise_key(self.effects):
+            noise = np.zeros_like(self.prediction.noise)
+        elif self.with_noise:
             like = self.noisy if radiance is self.radiance else None
             formed = self._form(radiance, effects, self._numbers(), like)
             noise = self._noise(formed, self.prediction.features, self.prediction.measured) - self.prediction.noise
@@ -329,6 +331,11 @@ class Shown:
             shape = self.levels[self.atlas.window(k)].shape[:2]
             out[i] = colour_responses_of(shape, corners, self.codes, i)
         return out
+
+
+def noise_key(effects):
+    """Return a key of what makes noise and of what alters it."""
+    return pipeline.key_of([(n, p) for n, p in effects if not library.is_before_sensor(n)])
 
 
 def drawn_key(effects):
