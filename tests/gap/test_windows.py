@@ -94,7 +94,7 @@ def test_noise_follows_what_the_sensor_and_what_comes_after_it_do(case):
     shown = Shown(case, case.captures[0], before, np.zeros(6), True)
     moved = {
         name: [
-            np.abs(shown.change([*before, (name, clear(name))], by_response).noise).max()
+            np.nanmax(np.abs(shown.change([*before, (name, clear(name))], by_response).noise))
             for by_response in (True, False)
         ]
         for name in ("vignetting", "denoising", "fixed_pattern_noise")
