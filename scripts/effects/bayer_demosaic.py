@@ -50,46 +50,54 @@ def _mirrored(index, size):
     return min(abs(index), 2 * (size - 1) - index)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _mosaic(image, row, column):
     """Return what a mosaic whose red begins at row, column sees (rows + 4, columns + 4), two pixels more on each side."""
     h, w, _ = image.shape
     seen = np.empty((h + 4, w + 4), np.float32)
     for r in range(h + 4):
         y = _mirrored(r - 2, h)
-        for c in range(w + 4):
+        other = 0 if (y + row) % 2 == 0 else 2
+        for c in range(w):
+            seen[r, c + 2] = image[y, c, 1 if (y + row + c + column) % 2 else other]
+        for c in (0, 1, w + 2, w + 3):
             x = _mirrored(c - 2, w)
-            colour = 1 if (y + row + x + column) % 2 else (0 if (y + row) % 2 == 0 else 2)
-            seen[r, c] = image[y, x, colour]
+            seen[r, c] = image[y, x, 1 if (y + row + x + column) % 2 else other]
     return seen
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def demosaiced(image, row, column, corrected):
     """Return the image (rows, columns, 3) as a mosaic whose red begins at row, column shows it.
 
     What was not seen is the mean of the nearest neighbours that did, plus ``corrected`` times Malvar's Laplacian
     (He and Cutler's figure 2, gains 1/2, 5/8 and 3/4).
     """
-    m = _mosaic(image, row, column)
-    out = np.empty_like(image)
+    half, quarter, eighth, three_quarters, five = (
+        np.float32(0.5),
+        np.float32(0.25),
+        np.float32(0.125),
+        np.float32(0.75),
+        np.float32(5),
+    )
+    m, corrected, out = _mosaic(image, row, column), np.float32(corrected), np.empty_like(image)
     for r in range(image.shape[0]):
-        for c in range(image.shape[1]):
-            y, x = r + 2, c + 2
-            seen = m[y, x]
-            beside, below = m[y, x - 1] + m[y, x + 1], m[y - 1, x] + m[y + 1, x]
-            corners = m[y - 1, x - 1] + m[y - 1, x + 1] + m[y + 1, x - 1] + m[y + 1, x + 1]
-            two_beside, two_below = m[y, x - 2] + m[y, x + 2], m[y - 2, x] + m[y + 2, x]
-            red_row = (r + row) % 2 == 0
-            if (r + row + c + column) % 2:
-                in_row = beside / 2 + corrected * (5 * seen - corners - two_beside + two_below / 2) / 8
-                in_column = below / 2 + corrected * (5 * seen - corners - two_below + two_beside / 2) / 8
-                red, green, blue = (in_row, seen, in_column) if red_row else (in_column, seen, in_row)
-            else:
-                bend = corrected * (seen - (two_beside + two_below) / 4)
-                green, other = (beside + below) / 4 + bend / 2, corners / 4 + 3 * bend / 4
-                red, blue = (seen, other) if red_row else (other, seen)
-            out[r, c, 0], out[r, c, 1], out[r, c, 2] = red, green, blue
+        above_2, above, own, below, below_2 = m[r], m[r + 1], m[r + 2], m[r + 3], m[r + 4]
+        of_row, of_column = (0, 2) if (r + row) % 2 == 0 else (2, 0)
+        green = (r + row + column + 1) % 2  # the first column that sees it
+        for c in range(green, image.shape[1], 2):
+            seen, in_row, in_column = own[c + 2], own[c + 1] + own[c + 3], above[c + 2] + below[c + 2]
+            two_beside, two_below = own[c] + own[c + 4], above_2[c + 2] + below_2[c + 2]
+            bend = five * seen - (above[c + 1] + above[c + 3] + below[c + 1] + below[c + 3])
+            out[r, c, of_row] = half * in_row + corrected * eighth * (bend - two_beside + half * two_below)
+            out[r, c, 1] = seen
+            out[r, c, of_column] = half * in_column + corrected * eighth * (bend - two_below + half * two_beside)
+        for c in range(1 - green, image.shape[1], 2):
+            seen, corners = own[c + 2], above[c + 1] + above[c + 3] + below[c + 1] + below[c + 3]
+            bend = corrected * (seen - quarter * (own[c] + own[c + 4] + above_2[c + 2] + below_2[c + 2]))
+            out[r, c, of_row] = seen
+            out[r, c, 1] = quarter * (own[c + 1] + own[c + 3] + above[c + 2] + below[c + 2]) + half * bend
+            out[r, c, of_column] = quarter * corners + three_quarters * bend
     return out
 
 
