@@ -242,7 +242,10 @@ def _pruned(search, base, twin, end):
             continue
         if _leaves_much(search, end, name):
             continue
-        rest = _without(search, end, [name], FIRST_ITERATIONS)
+        rest = _without(search, end, [name])
+        if _is_clearly_more(rest.loss, end):
+            continue
+        rest = short_fit(search, rest.state.effects, rest.state.poses, SCALE_FROM_NEAR, FIRST_ITERATIONS)
         without = _standing(search, base, rest)
         if is_as_good(without, twin) or (_is_rough(search, twin) and _leaves_as_little(without, twin)):
             twin, end = without, rest
@@ -258,7 +261,12 @@ def _is_clearly_needed(search, end, name):
 def _leaves_much(search, end, name):
     """Return whether taking an effect out of a Descent, the others following with its derivatives, leaves clearly more."""
     rest = [e for e in end.state.effects if e[0] != name]
-    return search.solver.followed(end, rest, search.free(rest)) > end.loss + CLEAR_EVIDENCE * MIN_GAIN
+    return _is_clearly_more(search.solver.followed(end, rest, search.free(rest)), end)
+
+
+def _is_clearly_more(loss, end):
+    """Return whether a loss is more than that of a Descent by what no refit makes up for."""
+    return loss > end.loss + CLEAR_EVIDENCE * MIN_GAIN
 
 
 def _is_rough(search, twin):
@@ -358,10 +366,10 @@ def _fitted_in(search, twin, proposal):
     return end, alike
 
 
-def _without(search, end, names, iterations=FURTHER_ITERATIONS):
+def _without(search, end, names):
     """Return the Descent without some effects."""
     rest = [e for e in end.state.effects if e[0] not in names]
-    return short_fit(search, rest, end.state.poses, SCALE_FROM_NEAR, iterations)
+    return short_fit(search, rest, end.state.poses, SCALE_FROM_NEAR)
 
 
 def _told_apart(step, known, alike, twin):

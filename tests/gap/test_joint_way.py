@@ -268,14 +268,20 @@ def test_a_later_round_is_fitted_beside_the_codec_that_the_twin_has(monkeypatch,
     ids=["no codec", "codec"],
 )
 def test_beside_a_codec_all_photometry_is_taken_out_to_see(monkeypatch, names, asked, left):
-    """Fails if an exposure beside the curve that holds it keeps its name for a codec's steps, or needless fits are made."""
-    tried = []
+    """Fails if an exposure beside the curve that holds it keeps its name for a codec's steps, or needless fits are made: without
+    what is clearly needed none is fitted on.
+    """
+    tried, fitted = [], []
 
-    def without(_, end, gone, iterations):
+    def without(_, end, gone):
         tried.extend(gone)
-        return SimpleNamespace(
-            state=SimpleNamespace(effects=[e for e in end.state.effects if e[0] not in gone]), evidence=end.evidence
-        )
+        effects = [e for e in end.state.effects if e[0] not in gone]
+        loss = 500.0 if gone == ["exposure"] else 700.0
+        return SimpleNamespace(state=SimpleNamespace(effects=effects, poses=None), evidence=end.evidence, loss=loss)
+
+    def fitted_on(_, effects, *__):
+        fitted.append([n for n, _ in effects])
+        return SimpleNamespace(state=SimpleNamespace(effects=effects, poses=None), evidence={}, loss=200.0)
 
     def standing(_, base, end):
         lost = 1e4 if "tone_curve" not in dict(end.state.effects) else 0.0
@@ -284,13 +290,15 @@ def test_beside_a_codec_all_photometry_is_taken_out_to_see(monkeypatch, names, a
     monkeypatch.setattr(joint_way, "_without", without)
     monkeypatch.setattr(joint_way, "_standing", standing)
     monkeypatch.setattr(joint_way, "_leaves_much", lambda *_: False)
+    monkeypatch.setattr(joint_way, "short_fit", fitted_on)
     monkeypatch.setattr(joint_way, "is_as_good", lambda *_: False)
     monkeypatch.setattr(joint_way, "_leaves_as_little", lambda a, b: a.left <= b.left)
     effects = tuple((n, {}) for n in names)
-    end = SimpleNamespace(state=SimpleNamespace(effects=effects), evidence=dict.fromkeys(names, 1e5))
+    end = SimpleNamespace(state=SimpleNamespace(effects=effects), evidence=dict.fromkeys(names, 1e5), loss=200.0)
     search = SimpleNamespace(is_fixed=lambda n: False, problem=SimpleNamespace(shows=lambda n: n == "jpeg_compression"))
     pruned, _ = joint_way._pruned(search, base_twin(), StandingTwin(effects, 0.0, {}), end)
     assert (tried, pruned.names) == (asked, left)
+    assert fitted == [[n for n in names if n != "exposure"]] * ("exposure" in asked)
 
 
 def test_what_others_leave_with_old_derivatives_is_what_a_fit_leaves(coded):
