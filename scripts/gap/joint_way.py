@@ -71,11 +71,11 @@ def _together(selection, base, twin, names, before, taken, propose):
     """Return the Outcome of ``all_at_once`` from a first proposal by the function ``propose``."""
     search = selection.search
     few, found = _with_fewer_plates(search), twin
-    first, poses = propose(few, twin, names)
+    first, poses, asked = propose(few, twin, names)
     if len(first.effects) - len(first.along) >= MANY:
         ahead = Selection(few, selection.budget - search.cost, {}, _told_by(selection, few))
         here = replace(_seen(few, twin), poses=poses)
-        found, order, alike = _found(ahead, _seen(few, base), here, names, first)
+        found, order, alike = _found(ahead, _seen(few, base), here, asked, first)
     search.solver.cost += few.cost
     if set(found.names) == set(twin.names):
         return None
@@ -94,11 +94,11 @@ def _together(selection, base, twin, names, before, taken, propose):
 
 
 def first_proposal(search, twin, names):
-    """Return (Proposal, poses near it) of what corners tell, and of what is proposed beside that."""
+    """Return (Proposal, poses near it) of what corners tell, and of what is proposed beside that; ``names`` for later rounds."""
     effects, poses, names = told_by_corners(search, twin, names)
     moving = [e for e in effects if e[0] not in twin.names]
     near = _seen(search, replace(twin, effects=tuple(effects), poses=poses)) if moving else twin
-    return proposed(search, near, names).after(moving), poses
+    return proposed(search, near, names).after(moving), poses, names
 
 
 def proposal_without_codec(search, twin, names):
@@ -106,8 +106,8 @@ def proposal_without_codec(search, twin, names):
     takes what a mosaic or a pattern does.
     """
     shown = [(n, search.problem.starts_of(n)[0]) for n in names if search.problem.shows(n) and n not in twin.names]
-    others, poses = first_proposal(search, twin, [n for n in names if n not in dict(shown)])
-    return others.after(shown), poses
+    others, poses, left = first_proposal(search, twin, [n for n in names if n not in dict(shown)])
+    return others.after(shown), poses, left
 
 
 def _told_by(selection, few):

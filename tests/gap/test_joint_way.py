@@ -100,8 +100,8 @@ def test_what_corners_tell_goes_in_first(monkeypatch):
     monkeypatch.setattr(joint_way, "told_by_corners", lambda *given: (moved, "moved poses", given[2]))
     monkeypatch.setattr(joint_way, "proposed", proposed)
     monkeypatch.setattr(joint_way, "_seen", lambda _, twin: twin)
-    first, poses = first_proposal(None, base_twin(), ["lens_blur", "defocus"])
-    assert first.names == ["focal_length", "lens_blur"] and poses == "moved poses"
+    first, poses, left = first_proposal(None, base_twin(), ["lens_blur", "defocus"])
+    assert first.names == ["focal_length", "lens_blur"] and poses == "moved poses" and left == ["lens_blur", "defocus"]
     assert first.rivals == {"focal_length": [], "lens_blur": []}
     assert asked == [(["focal_length"], "moved poses", ["lens_blur", "defocus"])]
 
@@ -112,11 +112,11 @@ def test_what_a_codec_hides_is_proposed_as_if_there_were_none(monkeypatch):
     monkeypatch.setattr(
         joint_way,
         "first_proposal",
-        lambda _, twin, names: (asked.append(names), (Proposal([("exposure", {})], {"exposure": []}), 0))[1],
+        lambda _, twin, names: (asked.append(names), (Proposal([("exposure", {})], {"exposure": []}), 0, names))[1],
     )
     problem = SimpleNamespace(shows=lambda n: n == "jpeg_compression", starts_of=lambda n: [{"loss": 45.0}])
     search = SimpleNamespace(problem=problem)
-    first, _ = joint_way.proposal_without_codec(search, base_twin(), ["exposure", "jpeg_compression"])
+    first, *_ = joint_way.proposal_without_codec(search, base_twin(), ["exposure", "jpeg_compression"])
     assert asked == [["exposure"]] and first.effects == [("jpeg_compression", {"loss": 45.0}), ("exposure", {})]
 
 
