@@ -1,7 +1,7 @@
 """numba's ``njit`` for all compiled code: what it keeps holds while the kernel's file *and all that it imports* are as they were.
 
 numba itself looks at a kernel's own file alone: an edit of another file, whose kernels or numbers are compiled into it, would
-go unseen, and results would be those of the code before.
+go unseen, and results would be those of the code before. Of several processes that need a kernel at once, one compiles it.
 """
 
 import functools
@@ -10,9 +10,12 @@ import re
 from pathlib import Path
 
 import numba
+from filelock import FileLock, Timeout
 
 SCRIPTS = Path(__file__).parent
 IMPORT = re.compile(r"^from ([\w.]+) import", re.MULTILINE)
+LONGEST_WAIT_S = 120  # for another process that compiles: it may hang
+COMPILING = FileLock(SCRIPTS / "__pycache__/compiling.lock", timeout=LONGEST_WAIT_S)
 
 
 def njit(**options):
@@ -23,9 +26,22 @@ def njit(**options):
         kept = getattr(kernel._cache, "_cache_file", None)
         if kept is not None:
             kept._source_stamp = kept._source_stamp, digest_of_imports(function.__code__.co_filename)
+        kernel.compile = functools.partial(_one_at_a_time, kernel.compile)
         return kernel
 
     return compiled
+
+
+def _one_at_a_time(compile_, signature):
+    """Compile a kernel, or load what was kept of it, when no other process or thread does."""
+    try:
+        COMPILING.acquire()
+    except (OSError, Timeout):  # nobody may write here, or another process hangs: twice is well
+        return compile_(signature)
+    try:
+        return compile_(signature)
+    finally:
+        COMPILING.release()
 
 
 @functools.cache

@@ -3,6 +3,7 @@
 import shutil
 import subprocess
 import sys
+import time
 
 from workflow_runs import PROJECT
 
@@ -44,6 +45,25 @@ def test_an_edit_of_what_a_kernel_calls_reaches_it(tmp_path):
     (tmp_path / "callee.py").write_text(CALLEE.replace("LEVEL = 21", "LEVEL = 5"))
     assert said(tmp_path) == ["10", "1"]
     assert said(tmp_path) == ["10", "0"]
+
+
+def test_of_several_processes_one_compiles(tmp_path):
+    """Fails if jobs that start together each compile all kernels: on few cores they wait for one another twice as long."""
+    shutil.copy(PROJECT / "scripts/kernels.py", tmp_path)
+    (tmp_path / "caller.py").write_text(CALLER)
+    (tmp_path / "callee.py").write_text(CALLEE)
+    code = (
+        "import time, pathlib, caller\nwhile not pathlib.Path('go').exists(): time.sleep(0.01)\n"
+        "print(caller.level(), sum(caller.level.stats.cache_misses.values()))"
+    )
+    together = [
+        subprocess.Popen([sys.executable, "-c", code], cwd=tmp_path, stdout=subprocess.PIPE, text=True)
+        for _ in range(3)
+    ]
+    time.sleep(5)
+    (tmp_path / "go").touch()
+    said = sorted(process.communicate(timeout=60)[0].split() for process in together)
+    assert said == [["42", "0"], ["42", "0"], ["42", "1"]]
 
 
 def test_all_compiled_code_is_kept_so():
