@@ -107,10 +107,20 @@ def needs_repeats(name):
 
 def smooths_noise(name):
     """Return whether an effect leaves less of neighbouring pixels' noise: a filter of images, not a sensor's mosaic."""
+    return all(power < 1 for power in _noise_powers(name) or [1])
+
+
+def sharpens(name):
+    """Return whether an effect is a filter of images that leaves more of neighbouring pixels' noise, as of all that is fine."""
+    return all(power > 1 for power in _noise_powers(name) or [1])
+
+
+def _noise_powers(name):
+    """Return what a filter of images leaves of the power of white noise, at each of its starts; none of what is no filter."""
     module = effect_named(name)
     if module.STAGE != "processing" or not hasattr(module, "noise_kernel"):
-        return False
-    return all((module.noise_kernel(start, 1.0) ** 2).sum() < 1 for start in starts_of(name))
+        return []
+    return [(module.noise_kernel(start, 1.0) ** 2).sum() for start in starts_of(name)]
 
 
 def is_of_boards(name):

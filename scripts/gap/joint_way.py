@@ -27,7 +27,7 @@ from gap.linear_model import (
     proposed,
     selected,
 )
-from gap.outcome import Selection, Step, outcome_of, twins_on_the_way, without_unneeded
+from gap.outcome import Selection, outcome_of, steps_to, without_unneeded
 from gap.parameters import get_parameter, spec
 from gap.residuals import GROUPS
 from gap.search import (
@@ -42,6 +42,7 @@ from gap.search import (
 from gap.solver import State
 from gap.standing import CLOSED, MIN_SHARE, MIN_SHARE_OF_GROUP, is_at_floor, is_enough
 from gap.twin import Candidate, rank
+from gap.undoing import undoing
 
 MANY = 3  # effects that are proposed at once: fewer are looked for one by one
 MAX_ROUNDS = 6
@@ -86,7 +87,7 @@ def _together(selection, base, twin, names, before, taken, propose):
     found, _ = without_unneeded(search, found, base.names, [])
     found = _without_patches(search, found, base)
     selection.ended.add(frozenset(found.names))
-    steps = _steps_to(search, base, found, [*(s.effect for s in taken), *order])
+    steps = steps_to(search, base, found, [*(s.effect for s in taken), *order])
     known = {s.effect: s for s in taken}
     steps = [_told_apart(step, known.get(step.effect), alike.get(step.effect, []), found) for step in steps]
     left = [search.null_candidate(found, n) for n in names if n not in found.names]
@@ -142,22 +143,25 @@ def _found(selection, base, here, names, proposal):
     do as well in its place}).
     """
     search, order, dropped, alike = selection.search, [], set(), {}
-    at, model = None, None
+    at, model, undone = None, None, False
     for _ in range(MAX_ROUNDS):
-        if not proposal.effects or dropped.issuperset(proposal.names) or selection.is_spent():
+        if dropped.issuperset(proposal.names) and at and not undone and not _is_nearly_closed(base, here):
+            undone, proposal = True, undoing(search, at, names)
+        if dropped.issuperset(proposal.names) or selection.is_spent():
             break
         order += [n for n in proposal.names if n not in order]
         if selection.progress:
             selection.progress(", ".join(proposal.names), search.cost / selection.budget)
-        there, end, as_good, went = _round(search, base, here, proposal)
+        beside = replace(here, effects=tuple(e for e in here.effects if e[0] not in proposal.names))
+        there, end, as_good, went = _round(search, base, beside, proposal)
         if there is None:
-            break
+            dropped = set(proposal.names)
+            continue
         here, at, alike, dropped = there, end, alike | as_good, went
         model = linear_model(search, here, [n for n in names if n not in here.names])
         if is_at_floor(here):
             break
-        first = sum(replace(base, floors=here.floors).excess.values())
-        least = MIN_SHARE if sum(here.excess.values()) < CLOSED * first else MIN_SHARE_PROPOSED
+        least = MIN_SHARE if _is_nearly_closed(base, here) else MIN_SHARE_PROPOSED
         proposal = selected(search, here, *model, least, MIN_SHARE_OF_FIRST)
     if at is None:
         return here, order, alike
@@ -171,6 +175,11 @@ def _found(selection, base, here, names, proposal):
         found, at, again = _with_exchanges(search, base, found, at, rivals)
         as_good |= again
     return found, order, alike | as_good
+
+
+def _is_nearly_closed(base, twin):
+    """Return whether a twin leaves little of what a base leaves open; in its floors."""
+    return sum(twin.excess.values()) < CLOSED * sum(replace(base, floors=twin.floors).excess.values())
 
 
 def _with_exchanges(search, base, twin, end, rivals):
@@ -217,6 +226,8 @@ def _round(search, base, here, proposal):
         end = _without(search, end, idle)
     there = _standing(search, base, end)
     added = _added(there, here)
+    if not added and _closes_enough(here, there):  # what was found before was not fitted to its end
+        return there, end, as_good, set(idle)
     patches = _patches(search, there, end, added)
     if not set(added) - set(patches):
         return None, None, None, None
@@ -387,14 +398,3 @@ def _told_apart(step, known, alike, twin):
 def _standing(search, base, end):
     """Return the Twin of a Descent as far as held-out captures tell it."""
     return _seen(search, replace(base, effects=tuple(end.state.effects), poses=end.state.poses, loss=end.loss))
-
-
-def _steps_to(search, base, twin, order):
-    """Return the Steps from a base to a Twin, in the order in which effects were proposed, with the Twin's own values."""
-    steps, before = [], base
-    names = sorted(_added(twin, base), key=[*order, *twin.names].index)
-    for name, after in zip(names, twins_on_the_way(search, base, twin, names), strict=True):
-        gains = {group: before.excess.get(group, 0.0) - left for group, left in after.excess.items()}
-        steps.append(Step(name, after, (), (), max(gains, key=gains.get)))
-        before = after
-    return steps

@@ -94,3 +94,14 @@ def _valued(search, effects, twin):
     """Return the Twin of some of a Twin's effects with the values that they have there."""
     poses, groups = search.solver.score(effects, twin.poses, search.test)
     return replace(twin, effects=tuple(effects), poses=poses, groups=groups, errors={}, cautious_errors={}, evidence={})
+
+
+def steps_to(search, base, twin, order):
+    """Return the Steps from a base to a Twin, in the order in which effects were proposed, with the Twin's own values."""
+    steps, before = [], base
+    names = sorted((n for n in twin.names if n not in base.names), key=[*order, *twin.names].index)
+    for name, after in zip(names, twins_on_the_way(search, base, twin, names), strict=True):
+        gains = {group: before.excess.get(group, 0.0) - left for group, left in after.excess.items()}
+        steps.append(Step(name, after, (), (), max(gains, key=gains.get)))
+        before = after
+    return steps

@@ -199,3 +199,21 @@ def test_what_came_along_for_nothing_goes_before_the_others_are_judged(monkeypat
     proposal = Proposal(both, rivals, ("sensor_noise",), Proposal(both[:1], rivals))
     there, *_ = joint_way._round(search, base_twin(), base_twin(), proposal)
     assert there.names == kept
+
+
+@pytest.mark.parametrize("closes", [True, False])
+def test_what_a_round_fits_further_stays_though_nothing_new_does(monkeypatch, closes):
+    """Fails if a fit that was not at its end is thrown away with the idle effect beside which it went on, or one that was is
+    taken for a round's.
+    """
+    here = standing_with([("defocus", library.nulls_of("defocus"))], 1000.0)
+    new = ("motion_blur", library.nulls_of("motion_blur"))
+    end = SimpleNamespace(state=SimpleNamespace(effects=[*here.effects, new]), loss=100.0, evidence={})
+    rest = SimpleNamespace(state=SimpleNamespace(effects=list(here.effects)), loss=100.0, evidence={})
+    monkeypatch.setattr(joint_way, "_fitted_in", lambda *_: (end, {}))
+    monkeypatch.setattr(joint_way, "_is_idle", lambda *_: True)
+    monkeypatch.setattr(joint_way, "_without", lambda *_: rest)
+    monkeypatch.setattr(joint_way, "_standing", lambda search, base, end: standing_with(end.state.effects, end.loss))
+    monkeypatch.setattr(joint_way, "_closes_enough", lambda *_: closes)
+    there, at, _, went = joint_way._round(None, base_twin(), here, Proposal([new], {"motion_blur": []}))
+    assert (there and there.names, at, went) == ((["defocus"], rest, {"motion_blur"}) if closes else (None,) * 3)
