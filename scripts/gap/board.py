@@ -43,9 +43,9 @@ class BoardCase(Case):
     floor_within = 2.0  # corner noise varies over the image, and from photograph to photograph
 
     def scene_of(self, effects):
-        """Return (scene, None, points (p, 1, 3)) of the twin with these effects."""
+        """Return (scene, points (p, 1, 3)) of the twin with these effects."""
         scene = pipeline.scene_with_effects(self.scene, effects)
-        return scene, None, on_board(scene, self.scene, self.points)[:, None]
+        return scene, on_board(scene, self.scene, self.points)[:, None]
 
     def states(self, corners, effects):
         """Return the states (p, 2) of points (p, 1, 2): their pixels."""
