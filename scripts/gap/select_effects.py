@@ -30,6 +30,7 @@ from gap.standing import (
     MAX_FLOOR_GAP,
     MIN_SHARE,
     closes_a_good_share,
+    has_good_share,
     is_at_floor,
     is_enough,
     is_open,
@@ -168,7 +169,9 @@ def _with_joint_geometry(selection, base, first, best, before):
     Beside other large moves of points the robust loss hides what each of them is worth. Those that are not needed go.
     """
     search, names = selection.search, [c.effect for c in first if library.is_pure_geometry(c.effect)]
-    if not is_open(best.twin, "corners", before) or not told_by_corners(search, base, names)[2]:
+    if not is_open(best.twin, "corners", before) or not has_good_share("corners", before):
+        return best
+    if not told_by_corners(search, base, names)[2]:
         return best  # nothing rigid explains corners
     together = search.fitted([*base.effects, *((n, library.nulls_of(n)) for n in names)])
     if together.excess["corners"] > MAX_LEFT_TOGETHER * best.twin.excess["corners"]:
