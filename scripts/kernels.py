@@ -10,7 +10,7 @@ import re
 from pathlib import Path
 
 import numba
-from filelock import FileLock, Timeout
+from filelock import FileLock
 
 SCRIPTS = Path(__file__).parent
 IMPORT = re.compile(r"^from ([\w.]+) import", re.MULTILINE)
@@ -36,7 +36,7 @@ def _one_at_a_time(compile_, signature):
     """Compile a kernel, or load what was kept of it, when no other process or thread does."""
     try:
         COMPILING.acquire()
-    except (OSError, Timeout):  # nobody may write here, or another process hangs: twice is well
+    except OSError:  # nobody may write here, or another process hangs: twice is well
         return compile_(signature)
     try:
         return compile_(signature)

@@ -41,6 +41,7 @@ PARAMETERS = {
 }
 STARTS = (dict.fromkeys(RED, 0.25) | {"corrected": 0.5},)
 BRIGHTNESS = np.array([0.299, 0.587, 0.114])  # of red, green, blue in grey: ITU-R BT.601
+EIGHTH, QUARTER, HALF, THREE_QUARTERS, FIVE = (np.float32(x) for x in (0.125, 0.25, 0.5, 0.75, 5))
 SIDE, REACH = 16, 5  # pixels about one that is noisy, and to which its noise is followed
 
 
@@ -73,13 +74,6 @@ def demosaiced(image, row, column, corrected):
     What was not seen is the mean of the nearest neighbours that did, plus ``corrected`` times Malvar's Laplacian
     (He and Cutler's figure 2, gains 1/2, 5/8 and 3/4).
     """
-    half, quarter, eighth, three_quarters, five = (
-        np.float32(0.5),
-        np.float32(0.25),
-        np.float32(0.125),
-        np.float32(0.75),
-        np.float32(5),
-    )
     m, corrected, out = _mosaic(image, row, column), np.float32(corrected), np.empty_like(image)
     for r in range(image.shape[0]):
         above_2, above, own, below, below_2 = m[r], m[r + 1], m[r + 2], m[r + 3], m[r + 4]
@@ -88,16 +82,16 @@ def demosaiced(image, row, column, corrected):
         for c in range(green, image.shape[1], 2):
             seen, in_row, in_column = own[c + 2], own[c + 1] + own[c + 3], above[c + 2] + below[c + 2]
             two_beside, two_below = own[c] + own[c + 4], above_2[c + 2] + below_2[c + 2]
-            bend = five * seen - (above[c + 1] + above[c + 3] + below[c + 1] + below[c + 3])
-            out[r, c, of_row] = half * in_row + corrected * eighth * (bend - two_beside + half * two_below)
+            bend = FIVE * seen - (above[c + 1] + above[c + 3] + below[c + 1] + below[c + 3])
+            out[r, c, of_row] = HALF * in_row + corrected * EIGHTH * (bend - two_beside + HALF * two_below)
             out[r, c, 1] = seen
-            out[r, c, of_column] = half * in_column + corrected * eighth * (bend - two_below + half * two_beside)
+            out[r, c, of_column] = HALF * in_column + corrected * EIGHTH * (bend - two_below + HALF * two_beside)
         for c in range(1 - green, image.shape[1], 2):
             seen, corners = own[c + 2], above[c + 1] + above[c + 3] + below[c + 1] + below[c + 3]
-            bend = corrected * (seen - quarter * (own[c] + own[c + 4] + above_2[c + 2] + below_2[c + 2]))
+            bend = corrected * (seen - QUARTER * (own[c] + own[c + 4] + above_2[c + 2] + below_2[c + 2]))
             out[r, c, of_row] = seen
-            out[r, c, 1] = quarter * (own[c + 1] + own[c + 3] + above[c + 2] + below[c + 2]) + half * bend
-            out[r, c, of_column] = quarter * corners + three_quarters * bend
+            out[r, c, 1] = QUARTER * (own[c + 1] + own[c + 3] + above[c + 2] + below[c + 2]) + HALF * bend
+            out[r, c, of_column] = QUARTER * corners + THREE_QUARTERS * bend
     return out
 
 

@@ -107,12 +107,12 @@ def needs_repeats(name):
 
 def smooths_noise(name):
     """Return whether an effect leaves less of neighbouring pixels' noise: a filter of images, not a sensor's mosaic."""
-    return all(power < 1 for power in _noise_powers(name) or [1])
+    return max(_noise_powers(name), default=1) < 1
 
 
 def sharpens(name):
     """Return whether an effect is a filter of images that leaves more of neighbouring pixels' noise, as of all that is fine."""
-    return all(power > 1 for power in _noise_powers(name) or [1])
+    return min(_noise_powers(name), default=1) > 1
 
 
 def _noise_powers(name):

@@ -19,10 +19,16 @@ def short_fit(search, effects, poses, scale, iterations=FURTHER_ITERATIONS, movi
     return search.descended(effects, poses, scale, probes(search.train), iterations, moving, rough)
 
 
+def fitted_alone(search, effects, poses, names):
+    """Return the Descent, in a few captures, in which the parameters of some of the effects move, and poses; the others stay."""
+    own = search.free([e for e in effects if e[0] in names])
+    return short_fit(search, effects, poses, SCALE_FROM_NEAR, moving=own)
+
+
 def with_best_starts(search, twin, proposal):
     """Return a twin's effects and a Proposal's: of one that has several starts, the start or first guess that leaves least.
 
-    A fit of many hardly leaves the valley in which it begins. Where the twin has none yet, all are guesses: they stay.
+    A fit of many hardly leaves the local minimum near which it begins. Where the twin has none yet, all are guesses: they stay.
     """
     if not search.free(twin.effects):
         return [*twin.effects, *proposal.effects]
@@ -43,15 +49,13 @@ def from_best_starts(search, end, names):
     """Return (effects, poses) of a Descent, or those in which some of the effects ``names`` begin anew from one of their starts:
     where an effect leaves less, its own parameters fitted alone.
 
-    A fit of many hardly leaves the valley in which it begins, and first guesses are made beside what is not fitted yet.
+    A fit of many ends in a local minimum near its beginning, and first guesses are made beside what is not fitted yet.
     """
     for name in names:
         if library.is_pure_geometry(name) or search.problem.shows(name):
             continue
-        own = search.free([(name, library.nulls_of(name))])
         for start in _nearest_starts(search, end, name):
-            effects = _with(end.state.effects, name, start)
-            other = short_fit(search, effects, end.state.poses, SCALE_FROM_NEAR, moving=own)
+            other = fitted_alone(search, _with(end.state.effects, name, start), end.state.poses, [name])
             if other.loss < end.loss - MIN_GAIN:
                 end = other
     return list(end.state.effects), end.state.poses
@@ -87,9 +91,8 @@ def exchanged(search, end, name, rivals, iterations=FURTHER_ITERATIONS):
     others = [e for e in effects if e[0] != name]
     ends = {}
     for rival in rivals:
-        own = search.free([(rival, library.nulls_of(rival))])
         starts = search.problem.starts_of(rival)[:MAX_STARTS]
-        trials = [short_fit(search, [*others, (rival, start)], poses, SCALE_FROM_NEAR, moving=own) for start in starts]
+        trials = [fitted_alone(search, [*others, (rival, start)], poses, [rival]) for start in starts]
         best = min(trials, key=loss_of)
         if best.loss < MAX_BEHIND * end.loss:
             ends[rival] = short_fit(search, best.state.effects, best.state.poses, SCALE_FROM_NEAR, iterations)

@@ -27,17 +27,23 @@ def told_by_corners(search, twin, names):
     if not moving or not has_good_share("corners", twin.excess):
         return list(twin.effects), twin.poses, names
     start, none = search.problem.start_poses(), search.solver.no_offsets()
-    before = _excess(search, *_fitted(search, list(twin.effects), start, none), none)
+    before = _excess(_told(search, *_fitted(search, list(twin.effects), start, none), none))
     effects, poses = _fitted(search, [*twin.effects, *((n, library.nulls_of(n)) for n in moving)], start, none)
-    if _excess(search, effects, poses, none) > (1 - MIN_SHARE) * before:
+    told = _told(search, effects, poses, none)
+    if _excess(told) > (1 - MIN_SHARE) * before:
         return list(twin.effects), twin.poses, [n for n in names if n not in moving]
-    kept = _fewest(moving, _cost_without(search, effects, poses, none))
+    kept = _fewest(moving, _cost_without(search, effects, told))
     return *_fitted(search, [e for e in effects if e[0] in {*twin.names, *kept}], start, none), names
 
 
-def _excess(search, effects, poses, offsets):
-    """Return the training captures' loss of corners above that of their noise."""
-    _, loss, count = search.solver.precision_by_corners(effects, _moving(search, effects), poses, offsets, search.train)
+def _told(search, effects, poses, offsets):
+    """Return (H, loss, count) of ``Solver.precision_by_corners`` of the training captures, by all that only moves points."""
+    return search.solver.precision_by_corners(effects, _moving(search, effects), poses, offsets, search.train)
+
+
+def _excess(told):
+    """Return the loss of corners above that of their noise."""
+    _, loss, count = told
     return max(loss - RHO_NOISE * count, 0.0)
 
 
@@ -49,7 +55,7 @@ def told_beside_the_rest(search, twin, names):
     offsets = search.solver.offsets_of(list(twin.effects), twin.poses, search.train)
     others = [(n, library.nulls_of(n)) for n in moving if n not in twin.names]
     effects, poses = _fitted(search, [*twin.effects, *others], twin.poses, offsets)
-    kept = _fewest(moving, _cost_without(search, effects, poses, offsets), 2 * MIN_GAIN)
+    kept = _fewest(moving, _cost_without(search, effects, _told(search, effects, poses, offsets)), 2 * MIN_GAIN)
     return _fitted(search, [e for e in effects if e[0] in kept or e[0] not in moving], twin.poses, offsets)
 
 
@@ -65,13 +71,13 @@ def _moving(search, effects):
     return [f for f in search.free(effects) if library.is_pure_geometry(f[0])]
 
 
-def _cost_without(search, effects, poses, offsets):
+def _cost_without(search, effects, told):
     """Return a function of some effects' names: the loss of corners that taking them all out costs to second order.
 
     Corners that other effects move a little scatter by more than their noise: losses are in units of what is left.
     """
     free = _moving(search, effects)
-    H, loss, count = search.solver.precision_by_corners(effects, free, poses, offsets, search.train)
+    H, loss, count = told
     covariance = np.linalg.pinv(H + 1e-12 * np.eye(len(free)))
     away = np.array([get_parameter(effects, f) for f in free]) - priors_of(free)[0]
     unit = max(loss / (RHO_NOISE * count), 1.0)

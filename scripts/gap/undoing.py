@@ -3,9 +3,9 @@
 from itertools import product
 
 from effects import library
-from gap.exchange import short_fit
+from gap.exchange import fitted_alone
 from gap.linear_model import Proposal
-from gap.search import MAX_STARTS, MIN_GAIN, SCALE_FROM_NEAR
+from gap.search import MAX_STARTS, MIN_GAIN
 
 
 def undoing(search, end, names):
@@ -16,10 +16,8 @@ def undoing(search, end, names):
     best, chosen = end, ()
     for pair in product(spreads, filter(library.sharpens, names)):
         others = [e for e in end.state.effects if e[0] not in pair]
-        own = search.free([(n, library.nulls_of(n)) for n in pair])
         for starts in product(*(search.problem.starts_of(n)[:MAX_STARTS] for n in pair)):
-            effects = [*others, *zip(pair, starts, strict=True)]
-            trial = short_fit(search, effects, end.state.poses, SCALE_FROM_NEAR, moving=own)
+            trial = fitted_alone(search, [*others, *zip(pair, starts, strict=True)], end.state.poses, pair)
             if trial.loss < best.loss - MIN_GAIN:
                 best, chosen = trial, pair
     return Proposal([(n, dict(best.state.effects)[n]) for n in chosen], {n: [] for n in chosen})

@@ -143,8 +143,8 @@ def test_a_later_round_begins_where_a_start_leaves_least(monkeypatch, fitted, st
     assert dict(with_best_starts(search, twin, guess))["denoising"]["strength_dn"] == strength_dn
 
 
-@pytest.mark.parametrize(("focus_m", "found"), [(0.5, 0.9), (0.9, 0.9)], ids=["in another valley", "right"])
-def test_what_is_fitted_in_another_valley_begins_anew_from_its_starts(monkeypatch, focus_m, found):
+@pytest.mark.parametrize(("focus_m", "found"), [(0.5, 0.9), (0.9, 0.9)], ids=["in a wrong minimum", "right"])
+def test_what_is_in_a_wrong_local_minimum_begins_anew_from_its_starts(monkeypatch, focus_m, found):
     """Fails if a lens that is in focus nearer than all plates stays so where it leaves less in focus beyond them, if what is
     right begins anew, or if what moves points or has one start is fitted again.
     """

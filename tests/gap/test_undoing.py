@@ -6,7 +6,7 @@ import pytest
 from stand_in_twins import base_twin
 
 from effects import library
-from gap import joint_way, undoing
+from gap import exchange, joint_way, undoing
 from gap.linear_model import Proposal
 
 NAMES = ["defocus", "denoising", "lens_blur", "sharpening", "tone_curve"]
@@ -31,7 +31,7 @@ def test_a_blur_and_the_sharpening_after_it_are_proposed_together(monkeypatch, l
         left = loss if dict(effects).get("defocus") == start else 1200.0
         return SimpleNamespace(state=SimpleNamespace(effects=effects, poses=poses), loss=left)
 
-    monkeypatch.setattr(undoing, "short_fit", short_fit)
+    monkeypatch.setattr(exchange, "short_fit", short_fit)
     search = SimpleNamespace(
         problem=SimpleNamespace(starts_of=library.starts_of), free=lambda effects: [n for n, _ in effects]
     )
