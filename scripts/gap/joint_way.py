@@ -24,10 +24,11 @@ from gap.linear_model import (
     MIN_SHARE_PROPOSED,
     exchanges,
     linear_model,
+    missing_noise,
     proposed,
     selected,
 )
-from gap.outcome import Selection, outcome_of, steps_to, without_unneeded
+from gap.outcome import Selection, outcome_of, steps_to, told_apart, without_unneeded
 from gap.parameters import get_parameter, spec
 from gap.residuals import GROUPS
 from gap.search import (
@@ -41,7 +42,7 @@ from gap.search import (
 )
 from gap.solver import State
 from gap.standing import CLOSED, MIN_SHARE, MIN_SHARE_OF_GROUP, is_at_floor, is_enough
-from gap.twin import Candidate, rank
+from gap.twin import rank
 from gap.undoing import undoing
 
 MANY = 3  # effects that are proposed at once: fewer are looked for one by one
@@ -89,7 +90,7 @@ def _together(selection, base, twin, names, before, taken, propose):
     selection.ended.add(frozenset(found.names))
     steps = steps_to(search, base, found, [*(s.effect for s in taken), *order])
     known = {s.effect: s for s in taken}
-    steps = [_told_apart(step, known.get(step.effect), alike.get(step.effect, []), found) for step in steps]
+    steps = [told_apart(step, known.get(step.effect), alike.get(step.effect, []), found) for step in steps]
     left = [search.null_candidate(found, n) for n in names if n not in found.names]
     return outcome_of(search.problem, steps, rank(left), found, before)
 
@@ -143,8 +144,10 @@ def _found(selection, base, here, names, proposal):
     do as well in its place}).
     """
     search, order, dropped, alike = selection.search, [], set(), {}
-    at, model, undone = None, None, False
+    at, model, undone, noise_asked = None, None, False, False
     for _ in range(MAX_ROUNDS):
+        if dropped.issuperset(proposal.names) and at and not noise_asked:
+            noise_asked, proposal = True, missing_noise(search, here, *model)
         if dropped.issuperset(proposal.names) and at and not undone and not _is_nearly_closed(base, here):
             undone, proposal = True, undoing(search, at, names)
         if dropped.issuperset(proposal.names) or selection.is_spent():
@@ -381,18 +384,6 @@ def _without(search, end, names):
     """Return the Descent without some effects."""
     rest = [e for e in end.state.effects if e[0] not in names]
     return short_fit(search, rest, end.state.poses, SCALE_FROM_NEAR)
-
-
-def _told_apart(step, known, alike, twin):
-    """Return a Step with what its effect cannot be told from: as a Step ``known`` of the same says, or what did as well."""
-    if known:
-        return replace(step, candidates=known.candidates, confused_with=known.confused_with)
-    alike = [e for e in alike if e[0] not in twin.names]
-    in_place = [Candidate(step.effect, dict(twin.effects)[step.effect], twin, twin.floors, True)]
-    for name, p in alike:
-        effects = tuple((name, p) if e[0] == step.effect else e for e in twin.effects)
-        in_place.append(Candidate(name, p, replace(twin, effects=effects), twin.floors, True))
-    return replace(step, candidates=tuple(in_place), confused_with=tuple(n for n, _ in alike))
 
 
 def _standing(search, base, end):

@@ -132,12 +132,26 @@ def selected(search, twin, ways, model, least_share=MIN_SHARE_PROPOSED, share_of
         left = [way for way in left if way.effect != taken[-1].effect]
     rivals = {way.effect: [] if way.effect in shown else _rivals(model, way, taken, left) for way in taken}
     alone = Proposal(_guesses(search, twin, taken, model), rivals)
-    noise = _noise_beside(search, twin, taken, left, model)
+    smooths = any(library.smooths_noise(w.effect) and not search.problem.shows(w.effect) for w in taken)
+    noise = _missing_noise(twin, taken, left, model) if smooths else []
     if not noise:
         return alone
-    name = noise[0].effect
-    rivals = rivals | {name: sorted({way.effect for way in noise} - {name})}
-    return Proposal(_guesses(search, twin, [*taken, noise[0]], model), rivals, (name,), alone)
+    guesses = _guesses(search, twin, [*taken, noise[0]], model)
+    return Proposal(guesses, rivals | _one_of(noise), (noise[0].effect,), alone)
+
+
+def missing_noise(search, twin, ways, model):
+    """Return the Proposal of what adds noise, where a twin's is off and nothing in it adds any; an empty one elsewhere.
+
+    Levels and corners scatter by it as well, yet no expected image changes: beside what these leave open it promises little.
+    """
+    noise = _missing_noise(twin, [], ways, model)
+    return Proposal(_guesses(search, twin, noise[:1], model), _one_of(noise)) if noise else Proposal([])
+
+
+def _one_of(ways):
+    """Return {name: other names} of Ways of which the first is taken and the others are its rivals."""
+    return {way.effect: sorted({w.effect for w in ways} - {way.effect}) for way in ways[:1]}
 
 
 def _guesses(search, twin, taken, model):
@@ -146,15 +160,13 @@ def _guesses(search, twin, taken, model):
     return [(way.effect, _first_guess(search, twin, way, steps)) for way in taken]
 
 
-def _noise_beside(search, twin, taken, left, model):
-    """Return the Ways of noise left, the most promising first, where noise is off, something smooths it and nothing adds any.
+def _missing_noise(twin, taken, left, model):
+    """Return the Ways left of what adds noise, the most promising first, where a twin's is off and nothing adds any.
 
     What smooths noise hides it, however much there is: alone neither promises anything.
     """
-    if twin.excess.get("noise", 0.0) <= MIN_GAIN:
-        return []
-    smooths = any(library.smooths_noise(w.effect) and not search.problem.shows(w.effect) for w in taken)
-    if not smooths or any(map(library.adds_noise, [*twin.names, *(way.effect for way in taken)])):
+    added = any(map(library.adds_noise, [*twin.names, *(way.effect for way in taken)]))
+    if added or twin.excess.get("noise", 0.0) <= MIN_GAIN:
         return []
     columns = [k for way in taken for k in way.columns]
     makers = [way for way in left if library.adds_noise(way.effect)]

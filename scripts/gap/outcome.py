@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 from gap.search import Search
 from gap.standing import verdict_of
-from gap.twin import Twin
+from gap.twin import Candidate, Twin
 
 
 @dataclass(frozen=True)
@@ -105,3 +105,15 @@ def steps_to(search, base, twin, order):
         steps.append(Step(name, after, (), (), max(gains, key=gains.get)))
         before = after
     return steps
+
+
+def told_apart(step, known, alike, twin):
+    """Return a Step with what its effect cannot be told from: as a Step ``known`` of the same says, or what did as well."""
+    if known:
+        return replace(step, candidates=known.candidates, confused_with=known.confused_with)
+    alike = [e for e in alike if e[0] not in twin.names]
+    in_place = [Candidate(step.effect, dict(twin.effects)[step.effect], twin, twin.floors, True)]
+    for name, p in alike:
+        effects = tuple((name, p) if e[0] == step.effect else e for e in twin.effects)
+        in_place.append(Candidate(name, p, replace(twin, effects=effects), twin.floors, True))
+    return replace(step, candidates=tuple(in_place), confused_with=tuple(n for n, _ in alike))

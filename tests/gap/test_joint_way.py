@@ -13,9 +13,9 @@ from stand_in_twins import StandingTwin, base_twin
 from effects import library
 from gap import exchange, joint_way
 from gap.exchange import short_fit
-from gap.joint_way import _is_patch, _patches, _seen, _told_apart, all_at_once, first_proposal
+from gap.joint_way import _is_patch, _patches, _seen, all_at_once, first_proposal
 from gap.linear_model import Proposal, proposed
-from gap.outcome import Selection, Step
+from gap.outcome import Selection
 from gap.parameters import fitted_parameters
 from gap.search import SCALE_FROM_NEAR, SCALE_FROM_START, Search
 from gap.select_effects import is_flexible
@@ -363,16 +363,6 @@ def test_what_came_alone_is_no_patch_before_the_round_is_asked_what_it_closes(mo
     """Fails if second order keeps out the one effect of a round that halves the gap, as it did a focal length."""
     monkeypatch.setattr(joint_way, "_is_patch", lambda *_: True)
     assert _patches(None, None, None, added) == patches
-
-
-def test_what_did_as_well_is_told_with_a_twin_in_its_place():
-    """Fails if a group of names loses one, keeps one that the twin has anyway, or the next station cannot tell them apart."""
-    twin = replace(base_twin(), effects=(("lens_blur", {"sigma_px": 1.0}), ("exposure", {"scale": 1.1})))
-    step = Step("lens_blur", twin, (), (), "edges")
-    told = _told_apart(step, None, [("defocus", {"focus_m": 1.0}), ("exposure", {})], twin)
-    assert told.confused_with == ("defocus",)
-    assert [c.twin.names for c in told.candidates] == [["lens_blur", "exposure"], ["defocus", "exposure"]]
-    assert _told_apart(step, told, [], twin).confused_with == ("defocus",)
 
 
 def test_a_search_of_fewer_plates_goes_when_it_is_done(coded):

@@ -7,7 +7,7 @@ import pytest
 
 from gap import linear_model
 from gap.evidence import start_step, step_over_rounding
-from gap.linear_model import MAX_COLUMNS, LinearModel, Way, _rivals, _simpler, exchanges, selected
+from gap.linear_model import MAX_COLUMNS, LinearModel, Way, _rivals, _simpler, exchanges, missing_noise, selected
 from gap.parameters import spec
 from gap.search import MIN_GAIN
 
@@ -96,6 +96,21 @@ def test_noise_comes_with_what_smooths_it(monkeypatch, first, has, shown, off, n
     assert found.names == names and found.along == tuple(names[1:])
     assert (found.alone or found).names == names[:1]
     assert found.rivals.get("sensor_noise", ["fixed_pattern_noise"]) == ["fixed_pattern_noise"]
+
+
+@pytest.mark.parametrize(
+    ("has", "off", "names"),
+    [([], 2.0, ["fixed_pattern_noise"]), ([], 0.9, []), (["sensor_noise"], 2.0, [])],
+    ids=["missing", "as it is", "there"],
+)
+def test_noise_that_is_missing_is_known_by_itself(monkeypatch, has, off, names):
+    """Fails if noise stays missing beside larger things, if the less likely one is proposed, or any where none is missing."""
+    noises = ["sensor_noise", "fixed_pattern_noise", "exposure"]
+    ways = [Way(n, (), None, (k,)) for k, n in enumerate(noises) if n not in has]
+    model = LinearModel(np.eye(3), np.array([1.0, 2.0, 40.0]), np.full(3, -np.inf), np.full(3, np.inf), ())
+    monkeypatch.setattr(linear_model, "_first_guess", lambda *_: {})
+    found = missing_noise(None, SimpleNamespace(names=has, excess={"noise": off * MIN_GAIN}), ways, model)
+    assert found.names == names and found.rivals == {n: ["sensor_noise"] for n in names} and not found.along
 
 
 def own_and_others(H, g, own=("exposure", "scale"), others=("veiling_glare", "vignetting")):

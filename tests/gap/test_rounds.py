@@ -69,6 +69,23 @@ def test_what_gave_way_to_a_rival_may_come_back(monkeypatch):
     assert found.names == ["sharpening", "sensor_noise"]
 
 
+@pytest.mark.parametrize("closes", [True, False])
+def test_noise_is_asked_for_once_where_rounds_end_without(monkeypatch, closes):
+    """Fails if rounds end where noise is missing, which promises little beside the levels that it scatters, or ask on for it."""
+    asked, noise = [], Proposal([("sensor_noise", {})], {"sensor_noise": []})
+    monkeypatch.setattr(joint_way, "missing_noise", lambda *_: (asked.append(1), noise)[1])
+    monkeypatch.setattr(joint_way, "_is_nearly_closed", lambda *_: True)
+
+    def one_round(search, base, here, proposal):
+        if proposal.names == ["sharpening"] or not (closes or proposal.names == ["denoising"]):
+            return None, None, None, None
+        return replace(here, effects=(*here.effects, *proposal.effects)), "end", {}, set()
+
+    sharpening, denoising = (Proposal([(n, {})], {n: []}) for n in ("sharpening", "denoising"))
+    found = found_in_rounds(monkeypatch, one_round, lambda *_, **__: sharpening, denoising)
+    assert found.names == ["denoising", "sensor_noise"][: 1 + closes] and asked == [1]
+
+
 @pytest.mark.parametrize(("alone", "kept"), [(300.0, ["ink_spread"]), (9000.0, ["tone_curve", "ink_spread"])])
 def test_a_first_round_that_is_stuck_gives_way_to_its_leader(monkeypatch, alone, kept):
     """Fails if four names that a fit got stuck with stay where one of them leaves less alone, or one is taken for many."""
