@@ -14,7 +14,6 @@ counts = {}  # {name of a constant: Counter of "compared", 0.5 and 2.0}
 
 ARITHMETIC = ("add", "sub", "mul", "truediv", "pow")
 COMPARISONS = ("lt", "le", "gt", "ge")
-ROLES = {"lt": "gt", "le": "ge", "gt": "lt", "ge": "le"}  # what a ufunc's other side asks
 
 
 class Watched:
