@@ -1,21 +1,23 @@
 """numba's ``njit`` for all compiled code: what it keeps holds while the kernel's file *and all that it imports* are as they were.
 
 numba itself looks at a kernel's own file alone: an edit of another file, whose kernels or numbers are compiled into it, would
-go unseen, and results would be those of the code before. Of several processes that need a kernel at once, one compiles it.
+go unseen, and results would be those of the code before. Of several processes that need a file's kernels at once, one
+compiles them; others compile other files' meanwhile.
 """
 
 import functools
 import hashlib
+import os
 import re
 from pathlib import Path
 
 import numba
 from filelock import FileLock
+from numba.core.compiler_lock import global_compiler_lock
 
 SCRIPTS = Path(__file__).parent
 IMPORT = re.compile(r"^from ([\w.]+) import", re.MULTILINE)
 LONGEST_WAIT_S = 120  # for another process that compiles: it may hang
-COMPILING = FileLock(SCRIPTS / "__pycache__/compiling.lock", timeout=LONGEST_WAIT_S)
 
 
 def njit(**options):
@@ -26,22 +28,31 @@ def njit(**options):
         kept = getattr(kernel._cache, "_cache_file", None)
         if kept is not None:
             kept._source_stamp = kept._source_stamp, digest_of_imports(function.__code__.co_filename)
-        kernel.compile = functools.partial(_one_at_a_time, kernel.compile)
+        kernel.compile = functools.partial(_one_at_a_time, function.__code__.co_filename, kernel.compile)
         return kernel
 
     return compiled
 
 
-def _one_at_a_time(compile_, signature):
-    """Compile a kernel, or load what was kept of it, when no other process or thread does."""
-    try:
-        COMPILING.acquire()
-    except OSError:  # nobody may write here, or another process hangs: twice is well
-        return compile_(signature)
-    try:
-        return compile_(signature)
-    finally:
-        COMPILING.release()
+def _one_at_a_time(path, compile_, signature):
+    """Compile a kernel of a file, or load what was kept of it, when no other process or thread does."""
+    lock = _lock_of(path, os.getpid())
+    with global_compiler_lock:  # first: a thread that held the file's would wait for one that compiles what calls it
+        try:
+            lock.acquire()
+        except OSError:  # nobody may write here, or another process hangs: twice is well
+            return compile_(signature)
+        try:
+            return compile_(signature)
+        finally:
+            lock.release()
+
+
+@functools.cache
+def _lock_of(path, _process):
+    """Return a process's lock of what is kept of a file's kernels: a forked one has none of its parent's."""
+    file = Path(path)
+    return FileLock(file.parent / "__pycache__" / f"{file.stem}.lock", timeout=LONGEST_WAIT_S)
 
 
 @functools.cache

@@ -1,9 +1,13 @@
 """What numba keeps of compiled code, in processes of their own: an edit of what a kernel calls reaches it."""
 
+import contextlib
+import functools
 import shutil
 import subprocess
 import sys
 import time
+
+from filelock import FileLock
 
 from workflow_runs import PROJECT
 
@@ -64,6 +68,33 @@ def test_of_several_processes_one_compiles(tmp_path):
     (tmp_path / "go").touch()
     said = sorted(process.communicate(timeout=60)[0].split() for process in together)
     assert said == [["42", "0"], ["42", "0"], ["42", "1"]]
+
+
+def test_what_another_process_compiles_keeps_no_other_file_waiting(tmp_path):
+    """Fails if one lock serves all files: a job waits, a core idle, while another compiles what it has no use for."""
+    shutil.copy(PROJECT / "scripts/kernels.py", tmp_path)
+    (tmp_path / "callee.py").write_text(CALLEE)
+    (tmp_path / "other.py").write_text(CALLEE)
+    run = functools.partial(subprocess.run, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    run([sys.executable, "-c", "import other; other.doubled(21)"])
+    with contextlib.ExitStack() as held:
+        for lock in (tmp_path / "__pycache__").glob("*.lock"):
+            held.enter_context(FileLock(lock))
+        assert run([sys.executable, "-c", "import callee; print(callee.doubled(21))"]).stdout == "42\n"
+
+
+def test_a_forked_process_compiles(tmp_path):
+    """Fails if a lock is its parent's: the child of a user's pool ends with an error."""
+    shutil.copy(PROJECT / "scripts/kernels.py", tmp_path)
+    (tmp_path / "callee.py").write_text(CALLEE)
+    code = """if True:
+        import multiprocessing, sys, callee
+        assert callee.doubled(2) == 4
+        child = multiprocessing.get_context("fork").Process(target=lambda: sys.exit(int(callee.doubled(20.5))))
+        child.start(); child.join(60)
+        sys.exit(child.exitcode)
+    """
+    assert subprocess.run([sys.executable, "-c", code], cwd=tmp_path, timeout=100).returncode == 41
 
 
 def test_all_compiled_code_is_kept_so():
