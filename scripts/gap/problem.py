@@ -21,7 +21,6 @@ from rig.geometry import N_POSE, perturb_pose, project
 
 SCENES_KEPT = 64
 GEOMETRY_KEPT_PX = 20_000_000  # 400 MB
-MIN_SHARE_SHOWING = 0.25  # of the captures, that show the same start of an effect
 MARGIN_PX = 24  # what blurs and filters see beyond the frame
 
 
@@ -90,13 +89,13 @@ class Case:
         return Solver(self, noise_of, threads)
 
     def shows(self, effect):
-        """Return the start {parameter: value} of an effect that many captures show alike, empty where they show none."""
+        """Return the start {parameter: value} of an effect that most captures show alike, empty where they show none."""
         seen = Counter(tuple(sorted(c.starts[effect].items())) for c in self.captures if effect in c.starts)
         start, number = max(seen.items(), key=lambda s: (s[1], s[0]), default=((), 0))
-        return dict(start) if number >= MIN_SHARE_SHOWING * len(self.captures) else {}
+        return dict(start) if 2 * number > len(self.captures) else {}
 
     def starts_of(self, effect):
-        """Return the starts [{parameter: value}] of an effect's fit: what many captures show alike, or else the effect's own."""
+        """Return the starts [{parameter: value}] of an effect's fit: what most captures show alike, or else the effect's own."""
         shown = self.shows(effect)
         return [library.nulls_of(effect) | shown] if shown else library.starts_of(effect)
 

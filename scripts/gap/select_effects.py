@@ -10,7 +10,6 @@ import numpy as np
 
 from effects import library
 from gap.exchange import is_simple, loss_of, short_fit
-from gap.geometry_first import told_by_corners
 from gap.joint_way import MANY, all_at_once
 from gap.outcome import Selection, Step, outcome_of, twins_on_the_way, without_unneeded
 from gap.search import (
@@ -30,7 +29,6 @@ from gap.standing import (
     MAX_FLOOR_GAP,
     MIN_SHARE,
     closes_a_good_share,
-    has_good_share,
     is_at_floor,
     is_enough,
     is_open,
@@ -45,7 +43,6 @@ MAX_UNDERSTATED = 3.0  # times the predicted gain that an effect may really have
 RIVALS = 0.7  # share of the largest predicted gain from which an effect is tried that can only be another name
 MIN_STATIONS = 0.7  # share of held-out stations that must not lose: a highlight is not seen from everywhere
 HARDLY_CLOSED = 0.4  # share above which what helped a little gets no name
-MAX_LEFT_TOGETHER = 0.6  # of the corners' excess left, that all geometry fitted together may leave, to be tried so
 FIRST_STEPS = 3  # that are tried one after the other, until one path closes the gap well
 BUDGET = 60_000  # predictions and derivatives by images, of one capture each
 
@@ -76,12 +73,11 @@ def is_flexible(name):
 def concluded(selection, base, first):
     """Return the Outcome of the best of several paths from a base.
 
-    Where many effects are proposed together, they are fitted so first, else one is added after the other. Where the best
-    steps leave a gap, all effects that move points are fitted jointly. The best first step is not always on the best way:
-    where it leaves its own group of observables open, or comes near and does not reach the floor, the next best ones are
-    tried as well. What can mimic anything of its kind, a warp of many waves, competes only where the others
-    leave a gap. Where most of the gap stays, and no step closed the group of
-    observables in which it gained most, a good share of it all, what helped is a patch on something else: it gets no name.
+    Where many effects are proposed together, they are fitted so first, else one is added after the other. The best first step
+    is not always on the best way: where it leaves its own group of observables open, or comes near and does not reach the
+    floor, the next best ones are tried as well. What can mimic anything of its kind, a warp of many waves, competes only where
+    the others leave a gap. Where most of the gap stays, and no step closed the group of observables in which it gained most, a
+    good share of it all, what helped is a patch on something else: it gets no name.
     """
     before = base.excess
     if selection.search.problem.floor_within > 1 and is_at_floor(base):  # as good as no repeats can tell
@@ -112,8 +108,6 @@ def _one_by_one(selection, base, first, before, together):
     best = path(selection, base, first, before)
     if together and together.share_left < 0.5 * best.share_left:
         best = together
-    if best.verdict == "unexplained" and not selection.is_spent():
-        best = _with_joint_geometry(selection, base, first, best, before)
     on_another_way = best.share_left < CLOSED or (ways and is_open(best.twin, ways[0].main_group, before))
     for way in ways[1:] if on_another_way else []:
         if best.is_closed or selection.is_spent():
@@ -124,13 +118,13 @@ def _one_by_one(selection, base, first, before, together):
     return best
 
 
-def path(selection, base, first, before, start_with=None, taken=(), kept=()):
+def path(selection, base, first, before, start_with=None, taken=()):
     """Return the Outcome of adding the best candidate, refitting and trying all others again, until none is missing.
 
     ``first`` are the candidates of the base, and their effects those that compete; ``start_with`` names the effect of the
     first step, the best where None; ``taken`` are steps that led to the base; ``before`` is the first excess. An earlier effect
-    that the refitted twin no longer needs is taken out, but for those of the base that are ``kept``. Where many others are
-    proposed together beside a step, they are fitted so.
+    that the refitted twin no longer needs is taken out. Where many others are proposed together beside a step, they are
+    fitted so.
     """
     search, twin, gains = selection.search, base, selection.gains
     steps, candidates, names = list(taken), rank(first), [c.effect for c in first]
@@ -147,7 +141,7 @@ def path(selection, base, first, before, start_with=None, taken=(), kept=()):
             candidates = [c for c in candidates if c is not best]  # beside the others, refitted, nothing of it is left
             continue
         confused = confused_with(search.problem, best, candidates)
-        twin, steps = without_unneeded(search, adopted, {best.effect, *kept}, steps)
+        twin, steps = without_unneeded(search, adopted, {best.effect}, steps)
         steps.append(Step(best.effect, twin, tuple(candidates), tuple(confused), best.main_group))
         if selection.progress:
             selection.progress(best.effect, search.cost / selection.budget)
@@ -161,46 +155,6 @@ def path(selection, base, first, before, start_with=None, taken=(), kept=()):
             return together
         candidates, gains = try_beside_others(search, twin, names, gains)
     return outcome_of(search.problem, steps, rank(candidates), twin, before)
-
-
-def _with_joint_geometry(selection, base, first, best, before):
-    """Return the Outcome of a path that starts with all effects that move points, fitted jointly, where that closes much.
-
-    Beside other large moves of points the robust loss hides what each of them is worth. Those that are not needed go.
-    """
-    search, names = selection.search, [c.effect for c in first if library.is_pure_geometry(c.effect)]
-    if not is_open(best.twin, "corners", before) or not has_good_share("corners", before):
-        return best
-    if not told_by_corners(search, base, names)[2]:
-        return best  # nothing rigid explains corners
-    together = search.fitted([*base.effects, *((n, library.nulls_of(n)) for n in names)])
-    if together.excess["corners"] > MAX_LEFT_TOGETHER * best.twin.excess["corners"]:
-        return best
-    others = [c.effect for c in first if c.effect not in names]
-    candidates, _ = try_promising(search, together, others, MAX_TRIED)
-    further = path(selection, together, candidates, before, kept=names)
-    twin, _ = without_unneeded(search, _without_idle(search, further.twin, names), (), [])
-    moving = [Step(n, twin, (), (), "corners") for n in twin.names if n in names]
-    steps = [*moving, *(s for s in further.steps if s.effect in twin.names)]
-    steps = _refitted(search, base, steps, twin)
-    left = [*further.left, *(search.null_candidate(twin, n) for n in names if n not in twin.names)]
-    found = outcome_of(search.problem, steps, rank(left), twin, before)
-    return found if found.is_closed or found.share_left < 0.5 * best.share_left else best
-
-
-def _without_idle(search, twin, names):
-    """Return the Twin, refitted, without those of some effects that are worth nothing to second order: refits differ by more."""
-    idle = [n for n in names if twin.evidence.get(n, 0.0) < MIN_GAIN]
-    return search.fitted([e for e in twin.effects if e[0] not in idle], twin.poses) if idle else twin
-
-
-def _refitted(search, base, steps, twin):
-    """Return steps from a base that lead to a Twin, each with its own: fitted from that Twin's values."""
-    out = []
-    for step in steps[:-1]:
-        so_far = {*base.names, *(s.effect for s in out), step.effect}
-        out.append(replace(step, twin=search.fitted([e for e in twin.effects if e[0] in so_far], twin.poses)))
-    return [*out, *(replace(step, twin=twin) for step in steps[-1:])]
 
 
 def _with_simpler(selection, base, first, best, before):

@@ -12,7 +12,7 @@ from gap.outcome import Selection, Step, outcome_of
 from gap.residuals import LOST_PLATE, flatten
 from gap.score import overall_gap
 from gap.search import Search, errors_to_exceed, is_significant
-from gap.select_effects import _with_joint_geometry, _with_simpler, _without_idle, verdict
+from gap.select_effects import _with_simpler, verdict
 from gap.split import split_by_station
 from gap.standing import verdict_of
 
@@ -319,19 +319,8 @@ def test_a_curve_gives_way_to_what_it_only_mimics(tmp_path, hidden, simpler):
 def test_what_moves_points_far_is_told_together(tmp_path):
     """Fails if moves that hide one another are tried one by one only, or if a needless one keeps its name."""
     hidden = ["focal_length", "principal_point", "radial_distortion"]
-    search = Search(case_of_several(tmp_path, hidden))
-    base = search.fitted([])
-    first = [search.null_candidate(base, name) for name in [*hidden, "marker_scale", "lens_blur"]]
-    nothing = outcome_of(search.problem, [], first, base, base.excess)
-    found = _with_joint_geometry(Selection(search, 60_000, {}), base, first, nothing, base.excess)
+    case = case_of_several(tmp_path, hidden)
+    _, _, _, found = verdict(case, candidates=[*hidden, "marker_scale", "lens_blur"])
     assert sorted(named(found)) == hidden
     assert found.verdict == "explained"
     assert [len(step.twin.names) for step in found.steps] == [1, 2, 3]
-
-
-def test_what_is_worth_nothing_goes_together():
-    """Fails if effects that no second order misses stay, others go, or a twin that needs all is fitted again."""
-    twin = SimpleNamespace(effects=(("a", {}), ("b", {}), ("c", {})), evidence={"a": 7.0, "b": 900.0}, poses=None)
-    search = SimpleNamespace(fitted=lambda effects, poses: [name for name, _ in effects])
-    assert _without_idle(search, twin, ["a", "b"]) == ["b", "c"]
-    assert _without_idle(search, twin, ["b"]) is twin

@@ -1,13 +1,10 @@
 """Moves of points told by corners alone, on campaigns made by an image formation that shares no code with the fit."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from cases import case_of_several
 
 from effects import library
-from gap import select_effects
 from gap.geometry_first import _fewest, told_beside_the_rest, told_by_corners
 from gap.linear_model import proposed
 from gap.search import Search
@@ -96,26 +93,3 @@ def test_the_fewest_are_kept_that_corners_cannot_do_without():
     """Fails if what is worth little gets into the first proposal, or what is worth much is left out."""
     assert _fewest([*WORTH, "rolling_shutter"], cost_without) == ["focal_length", "principal_point"]
     assert _fewest(["marker_scale", "rolling_shutter"], cost_without) == []
-
-
-@pytest.mark.parametrize(
-    ("elsewhere", "left", "asked"),
-    [(0.0, ["focal_length"], True), (0.0, [], False), (1e5, ["focal_length"], False)],
-    ids=["explain corners", "explain none", "corners are a small part"],
-)
-def test_all_moves_are_fitted_jointly_where_they_may_explain_the_gap(monkeypatch, elsewhere, left, asked):
-    """Fails if time is spent on fits of all lenses and mounts beside corners that none of them explains, or that are in place."""
-    fitted = []
-    monkeypatch.setattr(select_effects, "told_by_corners", lambda *_: ([], None, left))
-
-    def fit(effects):
-        fitted.append([n for n, _ in effects])
-        return SimpleNamespace(excess={"corners": 1000.0})
-
-    best = SimpleNamespace(twin=SimpleNamespace(excess={"corners": 900.0}))
-    selection = SimpleNamespace(search=SimpleNamespace(fitted=fit))
-    before = {"corners": 1000.0, "levels": elsewhere}
-    first = [SimpleNamespace(effect=n) for n in ("focal_length", "exposure")]
-    base = SimpleNamespace(effects=[])
-    assert select_effects._with_joint_geometry(selection, base, first, best, before) is best
-    assert fitted == [["focal_length"]] * asked
