@@ -99,16 +99,3 @@ def pose_from_plane(points_board, pixels, K):
     _, rvecs, tvecs, errors = cv2.solvePnPGeneric(points_board, pixels, K, None, flags=cv2.SOLVEPNP_IPPE)
     best = int(np.argmin(np.ravel(errors)))
     return make_pose(rvecs[best].ravel(), tvecs[best].ravel())
-
-
-def warp_real_to_twin(K, T_registered, T_nominal):
-    """Return the homography (3, 3) that takes pixels of a capture to those of its station's render, on the plane z = 0.
-
-    Points of that plane only; a lens that the pinhole lacks shows as what is left. For use with cv2.warpPerspective.
-    """
-
-    def plane_to_image(T):
-        return K @ T[:3, [0, 1, 3]]
-
-    H = plane_to_image(T_nominal) @ np.linalg.inv(plane_to_image(T_registered))
-    return H / H[2, 2]

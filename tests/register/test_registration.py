@@ -7,7 +7,7 @@ import pytest
 from markers.contract import marker_corners_world
 from register.finders import Markers
 from register.outcomes import register_markers
-from register.registration import NO_PRIOR, pose_from_markers, prior_of, register_pose, warp_real_to_twin
+from register.registration import NO_PRIOR, pose_from_markers, prior_of, register_pose
 from rig.geometry import camera_matrix, perturb_pose, project, station_pose
 
 K = camera_matrix(600, 600, 399.5, 299.5)
@@ -104,11 +104,3 @@ def test_standard_errors_are_those_of_repeats():
         ses.append(se[3:])
     ratio = np.std(poses, axis=0) / np.mean(ses, axis=0)
     assert np.all((ratio > 0.65) & (ratio < 1.5)), ratio
-
-
-def test_warp_takes_the_capture_to_the_twin():
-    """Overlays would show real and twin displaced."""
-    points = np.array([[-0.2, 0.4, 0], [0.3, 0.9, 0], [0, 1.5, 0], [0.1, 0.6, 0]])
-    H = warp_real_to_twin(K, TRUE, NOMINAL)
-    p = np.concatenate([project(K, TRUE, points), np.ones((4, 1))], 1) @ H.T
-    assert np.abs(p[:, :2] / p[:, 2:] - project(K, NOMINAL, points)).max() < 1e-9
