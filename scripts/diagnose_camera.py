@@ -75,7 +75,7 @@ def ranked(candidates, floors):
     return [
         {
             "effect": c.effect,
-            "gap_after": c.gap_in(floors),
+            "gap_after": overall_gap(c.twin.groups, floors),
             "se": gap_error(c.twin.groups, floors),
             "rank": k + 1,
             "gain": c.gain,

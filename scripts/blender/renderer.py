@@ -25,7 +25,7 @@ from blender.edges import edge_pixels, edge_segments, overlooked_jumps
 from blender.faces import plate_faces
 from blender.materials import combine, constant, emitting_material
 from rig.geometry import invert_pose
-from rig.plates import spread_ink
+from rig.plates import printed_plates
 
 GROUND_BELOW_M = 0.001  # below the lowest plate: the ground is even, so its depth does not show
 GROUND_REACH_M = 1e5
@@ -72,11 +72,6 @@ def find_device(wanted):
                     d.use = d.type == kind
                 return kind, found[0].name
     return "CPU", "CPU"
-
-
-def printed_plates(scene):
-    """Return the scene's plates as printed, their ink spread."""
-    return [spread_ink(p, scene.ink_spread_m) if scene.ink_spread_m else p for p in scene.plates]
 
 
 class Renderer:

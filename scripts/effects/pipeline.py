@@ -234,20 +234,12 @@ def photometric(image, view, chosen, rng):
 
     rng None gives the expected image: no random noise, neither declared nor of an effect.
     """
-    return levels_and_noise(image, view, chosen, rng)[0]
+    return form(image, view, chosen, rng).outcome[0]
 
 
 def expected_levels(image, view, chosen):
     """Return the mean grey levels (H + 2m, W + 2m, C) of captures of linear radiance: noise moves what is clipped."""
-    return mean_of_clipped(*levels_and_noise(image, view, chosen, None))
-
-
-def levels_and_noise(image, view, chosen, rng):
-    """Return (image as of ``photometric``, standard deviation of the noise in each channel that it has or would have).
-
-    The latter, grey levels, is a number or as the image; it is followed in expected images only.
-    """
-    return form(image, view, chosen, rng).outcome
+    return mean_of_clipped(*form(image, view, chosen, None).outcome)
 
 
 @dataclass(frozen=True)
@@ -259,7 +251,10 @@ class Formed:
 
     @property
     def outcome(self):
-        """Return (grey levels, noise_dn) as ``levels_and_noise``."""
+        """(image as of ``photometric``, standard deviation of the noise in each channel that it has or would have).
+
+        The latter, grey levels, is a number or as the image; it is followed in expected images only.
+        """
         image, _, noise_dn, _ = self.states[-1]
         return image, noise_dn
 

@@ -5,6 +5,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from gap.board import polynomial_terms
+from gap.split import thinned
 from rig.light import LIGHT, BoardPlace, lit
 from rig.plates import white_cell_at
 
@@ -47,7 +48,7 @@ def light_of(shown, reflectance, X, Y, free):
     medians = np.stack([np.median(shown[reflectance == r], axis=0) for r in (white, black)], axis=1)
     if (medians[:, 0] <= medians[:, 1]).any():
         raise ValueError("the board's white is darker than its black")
-    kept = np.concatenate([_thinned(np.flatnonzero(reflectance == r)) for r in (white, black)])
+    kept = np.concatenate([thinned(np.flatnonzero(reflectance == r), MOST_PLACES) for r in (white, black)])
     shown, reflectance, X, Y = shown[kept], reflectance[kept], X[kept], Y[kept]
     light = np.where(free, first_light(medians, white, black), 0.0)
 
@@ -59,11 +60,6 @@ def light_of(shown, reflectance, X, Y, free):
     fit = least_squares(residuals, light[free], loss="cauchy", x_scale=0.1, max_nfev=50)
     light[free] = fit.x
     return light
-
-
-def _thinned(indices):
-    """Return MOST_PLACES of some indices at most, evenly."""
-    return indices[np.linspace(0, len(indices) - 1, min(len(indices), MOST_PLACES)).round().astype(int)]
 
 
 def photograph_light(image, scene, points, pixels, lut, free):

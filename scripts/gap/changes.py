@@ -223,7 +223,7 @@ def ask(fit, twin, names, labels):
     for k in (0, 1):
         expand[k][slots.of[k], np.arange(len(free))] = 1
     D = np.array([np.concatenate([expand[fit.belongs[i]], np.eye(len(every))]) for i in fit.indices])
-    made = Moments(D @ np.array(H) @ D.transpose(0, 2, 1), np.einsum("nab,nb->na", D, np.array(g)), precision)
+    made = Moments(D @ H @ D.transpose(0, 2, 1), np.einsum("nab,nb->na", D, g), precision)
     found, evidence = {}, []
     for n in names:
         mine = np.array([every.index(f) for f in columns[n]])

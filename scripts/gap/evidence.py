@@ -37,17 +37,23 @@ def first_order_gains(effects, free, derivatives, groups, nu):
 
 
 def evidence_of(effects, free, precision):
-    """Return {effect: loss that taking it out costs to second order, the others refitted}: Wald's statistic.
+    """Return {effect: loss that taking it out costs to second order, the others refitted}, of what is free."""
+    cost = cost_without(effects, free, precision)
+    moving = {effect for effect, _ in free}
+    return {name: cost([name]) for name, _ in effects if name in moving}
 
-    ``precision`` (k, k) is the Hessian of half the loss by the free parameters. Source: A. Wald, "Tests of statistical
+
+def cost_without(effects, free, precision):
+    """Return a function of some effects' names: the loss that taking them all out costs to second order, the others refitted.
+
+    ``precision`` (k, k) is the Hessian of half the loss by the free parameters. Wald's statistic: A. Wald, "Tests of statistical
     hypotheses concerning several parameters when the number of observations is large" (1943).
     """
     covariance = np.linalg.pinv(precision + 1e-12 * np.eye(len(free)))
-    null, _ = priors_of(free)
-    away = np.array([get_parameter(effects, f) for f in free]) - null
-    out = {}
-    for name, _ in effects:
-        mine = [k for k, (effect, _) in enumerate(free) if effect == name]
-        if mine:
-            out[name] = float(away[mine] @ np.linalg.pinv(covariance[np.ix_(mine, mine)]) @ away[mine])
-    return out
+    away = np.array([get_parameter(effects, f) for f in free]) - priors_of(free)[0]
+
+    def cost(names):
+        out = [k for k, (effect, _) in enumerate(free) if effect in names]
+        return float(away[out] @ np.linalg.pinv(covariance[np.ix_(out, out)]) @ away[out])
+
+    return cost

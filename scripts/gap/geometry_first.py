@@ -6,10 +6,8 @@ the fewest are kept without which, to second order, corners cannot do.
 
 from itertools import combinations
 
-import numpy as np
-
 from effects import library
-from gap.parameters import get_parameter, priors_of
+from gap.evidence import cost_without
 from gap.residuals import RHO_NOISE
 from gap.search import CLEAR_EVIDENCE, MIN_GAIN
 from gap.standing import MIN_SHARE, has_good_share
@@ -76,17 +74,9 @@ def _cost_without(search, effects, told):
 
     Corners that other effects move a little scatter by more than their noise: losses are in units of what is left.
     """
-    free = _moving(search, effects)
     H, loss, count = told
-    covariance = np.linalg.pinv(H + 1e-12 * np.eye(len(free)))
-    away = np.array([get_parameter(effects, f) for f in free]) - priors_of(free)[0]
-    unit = max(loss / (RHO_NOISE * count), 1.0)
-
-    def cost(names):
-        out = [k for k, (effect, _) in enumerate(free) if effect in names]
-        return float(away[out] @ np.linalg.pinv(covariance[np.ix_(out, out)]) @ away[out]) / unit
-
-    return cost
+    unit, cost = max(loss / (RHO_NOISE * count), 1.0), cost_without(effects, _moving(search, effects), H)
+    return lambda names: cost(names) / unit
 
 
 def _fewest(names, cost_without, least=CLEAR_EVIDENCE * MIN_GAIN):

@@ -165,7 +165,7 @@ class JointFit:
 
 
 def moments(fit, twin, free, step_of):
-    """Return (H, g) of each used capture, lists in their order, by parameters ``free`` of its own set; the pose eliminated.
+    """Return (H (n, k, k), g (n, k)) of the n used captures by parameters ``free`` of its own set; the pose eliminated.
 
     The loss is as wide as most residuals of that set are which lies farther off: a common twin may fit one of them alone.
     """
@@ -173,8 +173,5 @@ def moments(fit, twin, free, step_of):
     usual = max(np.median(np.abs(y)) for y in sets)
     nu = NU * max(1.0, usual / MEDIAN_OF_NOISE) ** 2
     derivatives = fit.derivatives(twin, free, step_of)
-    out = []
-    for i in fit.indices:
-        y = flatten(twin.groups[i])
-        out.append(without_pose(y, *derivatives[i], nu)[:2])
-    return [h for h, _ in out], [g for _, g in out]
+    equations = (without_pose(flatten(twin.groups[i]), *derivatives[i], nu)[:2] for i in fit.indices)
+    return tuple(map(np.array, zip(*equations, strict=True)))

@@ -112,8 +112,8 @@ def told_apart(step, known, alike, twin):
     if known:
         return replace(step, candidates=known.candidates, confused_with=known.confused_with)
     alike = [e for e in alike if e[0] not in twin.names]
-    in_place = [Candidate(step.effect, dict(twin.effects)[step.effect], twin, twin.floors, True)]
+    in_place = [Candidate(step.effect, dict(twin.effects)[step.effect], twin, True)]
     for name, p in alike:
         effects = tuple((name, p) if e[0] == step.effect else e for e in twin.effects)
-        in_place.append(Candidate(name, p, replace(twin, effects=effects), twin.floors, True))
+        in_place.append(Candidate(name, p, replace(twin, effects=effects), True))
     return replace(step, candidates=tuple(in_place), confused_with=tuple(n for n, _ in alike))

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from effects import library, pipeline
+from effects.encoding import srgb_encode
 from gap.finder import Finder
 from gap.measure.capture import COARSE_TO_FINE, Codes, classify_flats, grey_of, measure_plates, observe, states_at
 from gap.measure.places import FARTHEST_FOLLOWED_PX, agreeing, follow_neighbours, large_enough
@@ -18,22 +19,17 @@ from gap.score import floors_of
 from gap.solver import Solver
 from gap.split import MOST_CAPTURES
 from rig.geometry import N_POSE, perturb_pose, project
+from rig.plates import printed_plates
 
 SCENES_KEPT = 64
 GEOMETRY_KEPT_PX = 20_000_000  # 400 MB
 MARGIN_PX = 24  # what blurs and filters see beyond the frame
 
 
-def srgb_encode(linear):
-    """IEC 61966-2-1: linear 0..1 to encoded 0..1."""
-    linear = np.clip(linear, 0, 1)
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)
-
-
 def encoding_table(encoding, exposure):
     """Return the grey level (0..255) of 4097 radiances from 0 to 1."""
-    radiance = np.linspace(0, 1, 4097) * exposure
-    return 255 * (srgb_encode(radiance) if encoding == "srgb" else np.clip(radiance, 0, 1))
+    radiance = np.clip(np.linspace(0, 1, 4097) * exposure, 0, 1)
+    return 255 * (srgb_encode(radiance) if encoding == "srgb" else radiance)
 
 
 def code_corners_world(plate):
@@ -236,14 +232,13 @@ class Case:
 
     # -- real images ------------------------------------------------------------------------------------------
 
-    def observe_real(self, capture, image, starts=None):
+    def observe_real(self, capture, image):
         """Measure a real image (H, W, 3) and keep what the fit needs of it.
 
         Plates are looked for where the nominal pose has them, or, where ArUco finds some, as far off as these are.
         """
         zero = np.zeros(6)
-        predicted = self.corners_of(capture, [], zero)
-        starts = predicted if starts is None else starts
+        starts = self.corners_of(capture, [], zero)
         outlines = self.corners_of(capture, [], zero, np.array([p.outline_world() for p in self.scene.plates]))
         found, seen = self.found_corners(image, starts)
         starts, outlines = (
@@ -294,12 +289,3 @@ def may_have(problem, name):
 
 def _moved(scene, view, delta):
     return replace(view, T_cam_world=scene.T_cam_mount @ perturb_pose(view.T_cam_world, delta[:N_POSE]))
-
-
-def printed_plates(scene):
-    """Return the scene's plates as they are printed, ink spread included."""
-    if scene.ink_spread_m == 0:
-        return scene.plates
-    from rig.plates import spread_ink
-
-    return [spread_ink(plate, scene.ink_spread_m) for plate in scene.plates]

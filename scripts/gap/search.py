@@ -10,7 +10,7 @@ import numpy as np
 
 from effects import library, pipeline
 from gap.discrete import Discrete
-from gap.evidence import evidence_of, first_order_gains, start_step
+from gap.evidence import first_order_gains, start_step
 from gap.kept import kept
 from gap.normal_equations import gains_of_step, normal_equations
 from gap.parameters import fitted_parameters, is_geometric, spec
@@ -95,7 +95,7 @@ class Search:
         from_afar = poses is None or scale > SCALE_FROM_NEAR
         rough = [n for n, _ in effects if self.problem.shows(n)] if from_afar else []
         end = self.descended(effects, poses, scale, self.train, 20, rough=rough)
-        return self.scored(self.solver.with_errors(end), end.free)
+        return self.scored(end)
 
     def descended(self, effects, poses, scale, captures, iterations, moving=None, rough=()):
         """Return the gap.solver.Descent, in some of the fitted captures, of all that is free or of parameters ``moving``.
@@ -114,16 +114,16 @@ class Search:
             effects, poses = self.solver.without_rough(effects, rough, moving or free, poses, captures, iterations)
         return self.solver.descend(effects, moving or free, poses, captures, iterations)
 
-    def scored(self, fit, free, floors=None):
-        """Return the Twin of a gap.solver.Fit, its held-out poses fitted; its own floors where none are given."""
-        effects = fit.state.effects
-        poses, groups = self.solver.score(effects, fit.state.poses, self.test)
+    def scored(self, end, floors=None):
+        """Return the Twin of a gap.solver.Descent, its held-out poses fitted; its own floors where none are given."""
+        end, *errors = self.solver.with_errors(end)
+        effects = end.state.effects
+        poses, groups = self.solver.score(effects, end.state.poses, self.test)
         if floors is None:
             _, of_train = self.solver.score(effects, poses, self.train)
             floors = self.floors_at(effects, poses, of_train | groups)
-        errors, cautious = (dict(zip(free, e, strict=True)) for e in (fit.errors, fit.cautious_errors))
-        evidence = evidence_of(effects, free, fit.precision)
-        return Twin(tuple(effects), poses, groups, floors, errors, cautious, evidence, fit.loss, fit.converged)
+        errors, cautious = (dict(zip(end.free, e, strict=True)) for e in errors)
+        return Twin(tuple(effects), poses, groups, floors, errors, cautious, end.evidence, end.loss, end.converged)
 
     def floors_at(self, effects, poses, groups):
         """Return {group: floor}: what trials of a station differ by, or the twin's own captures from what it expects.
@@ -271,7 +271,7 @@ class Search:
 
     def null_candidate(self, twin, effect):
         """Return the Candidate of an effect that promises nothing: at its null, with the base's gap."""
-        return Candidate(effect, library.nulls_of(effect), twin, twin.floors, False)
+        return Candidate(effect, library.nulls_of(effect), twin, False)
 
     @kept
     def try_effect(self, twin, effect, beside=(), lead=None):
@@ -285,12 +285,12 @@ class Search:
             return self.null_candidate(twin, effect)
         beside = beside if self.problem.draws else self.free(twin.effects)  # what costs nothing is always refitted
         free += beside
-        fit = self.solver.fit(start, free, twin.poses, self.train, iterations=9, scale=SCALE_FROM_START)
-        chosen = self.discrete.with_choices(effect, fit.state)
-        if chosen != fit.state.effects:
-            other = self.solver.fit(chosen, free, fit.state.poses, self.train, iterations=9, scale=SCALE_FROM_START)
-            fit = min(fit, other, key=lambda f: f.loss)
-        return self._candidate(twin, effect, self.scored(fit, free, twin.floors))
+        end = self.solver.approach(start, free, twin.poses, self.train, 9, SCALE_FROM_START)
+        chosen = self.discrete.with_choices(effect, end.state)
+        if chosen != end.state.effects:
+            other = self.solver.approach(chosen, free, end.state.poses, self.train, 9, SCALE_FROM_START)
+            end = min(end, other, key=lambda e: e.loss)
+        return self._candidate(twin, effect, self.scored(end, twin.floors))
 
     @kept
     def try_jointly(self, twin, effect, start, poses):
@@ -330,11 +330,11 @@ class Search:
     def _candidate(self, base, effect, twin):
         values = dict(twin.effects)[effect]
         if self._hides_plates(base, twin):
-            return Candidate(effect, values, twin, base.floors, True)
+            return Candidate(effect, values, twin, True)
         gains = gains_by_station(self.problem, base.losses, twin.losses)
         before, after = group_losses(base.groups), group_losses(twin.groups)
         return Candidate(
-            effect, values, twin, base.floors, True,
+            effect, values, twin, True,
             gain=float(gains.sum()),
             gain_se=float(np.sqrt(len(gains)) * gains.std(ddof=1)) if len(gains) > 1 else float("nan"),
             stations_gaining=float((gains > -MIN_STATION_LOSS - 0.02 * gains.sum()).mean()) if len(gains) else 0.0,

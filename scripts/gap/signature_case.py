@@ -15,7 +15,7 @@ from effects import library, pipeline
 from effects.encoding import srgb_decode
 from gap.parameters import get_parameter, image_step, with_parameters
 from gap.predict.predictor import Kept
-from gap.predict.synthesis import shade, window_coverages, window_ground_points
+from gap.predict.synthesis import ground_seen_at, shade, window_coverages
 from gap.signature import SIGNS, Photograph
 from gap.signature_changes import FIRST_STEP, MIN_SHOWING, can_be_laid_on
 from gap.solver import Solver
@@ -85,7 +85,7 @@ def twin_photograph(case, view, given, light, plates, features, in_colour, own=(
         for channel in (0, 1, 2) if pipeline.is_chromatic(effects) else (1,):
             mapping = pipeline.point_map(view, effects, channel)
             planes.append(shade(scene, view, *window_coverages(prints, view, atlas, mapping), None))
-        ground = window_ground_points(view, atlas, None)
+        ground = ground_seen_at(view, None, atlas.windows.x, atlas.windows.y)
         radiance = case.lit(np.stack(planes, axis=-1).astype(np.float32), light, *ground)
         return radiance if in_colour else radiance[..., 1:2]
 

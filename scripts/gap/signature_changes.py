@@ -15,6 +15,7 @@ from gap.changes import MAX_GROUP, MAX_P, MIN_CAPTURES
 from gap.parameters import spec
 from gap.permutation import labellings
 from gap.signature import NOISE, OF_CODEC, OF_LIGHT, SIGNS
+from gap.split import thinned
 from job import seed_of
 
 MIN_SHOWING = 0.8  # of the photographs, that show a sign which counts
@@ -30,7 +31,6 @@ MIN_SHARE_OF_NEXT = (
     0.2  # of what had changed at first, left for another: a form not quite the camera's leaves a residue
 )
 MAX_CHANGES = 3
-BEFORE_NOISE = ("lens", "shutter")  # stages
 AFTER_LENS = [SIGNS.index(name) for name in (*NOISE, *OF_CODEC)]
 LIT = [SIGNS.index(name) for name in OF_LIGHT]
 MAX_TIMES_LEFT = 2.0  # times what the best leaves, up to which another effect explains alike
@@ -155,17 +155,12 @@ def can_be_laid_on(name):
     return library.effect_named(name).STAGE != "scene" and not library.is_pure_geometry(name)
 
 
-def is_before_noise(names):
-    """Return whether all of some effects act on light before a sensor adds noise to it."""
-    return all(library.effect_named(name).STAGE in BEFORE_NOISE for name in names)
-
-
 class Layer:
     """Lays effects on some photographs of a set: what do their signatures become?"""
 
     def __init__(self, photographs, laid, sign, each):
         """laid: effects that the photographs have on already; sign 1 of the earlier set, -1 of the later one."""
-        self.photographs = [p.fewer(PATCHES_LAID) for p in _spread(photographs, MOST_LAID)]
+        self.photographs = [p.fewer(PATCHES_LAID) for p in thinned(photographs, MOST_LAID)]
         self.laid, self.sign, self.each = list(laid), sign, each
         self._before = self._signatures([])
 
@@ -180,7 +175,7 @@ class Layer:
         with np.errstate(invalid="ignore"):
             moved = self._signatures(effects) - self._before
         moved = self.sign * np.array([np.median(m[np.isfinite(m)]) if np.isfinite(m).any() else 0.0 for m in moved.T])
-        if self.sign < 0 and is_before_noise([name for name, _ in effects]):
+        if self.sign < 0 and all(library.is_before_sensor(name) for name, _ in effects):
             moved[AFTER_LENS] = 0.0
         return moved
 
@@ -193,10 +188,6 @@ def signatures_of(photographs, effects, each):
 def laid_on_numbers(photograph):
     """Return the random numbers of effects that are laid on a photograph, by its capture's name."""
     return np.random.default_rng(seed_of("laid on", photograph.view.capture))
-
-
-def _spread(items, most):
-    return [items[int(k)] for k in np.linspace(0, len(items) - 1, min(len(items), most)).round()]
 
 
 @dataclass(frozen=True)
@@ -249,7 +240,7 @@ def starts_of(name):
 def _from_nothing(name, layer, comparison):
     """Return the parameters of an effect that may be of either sign, all as they would fit best if it were linear."""
     nulls, start = library.nulls_of(name), comparison.distance(np.zeros(len(SIGNS)))
-    keys = [k for k in _fitted(name) if not spec((name, k)).auxiliary]
+    keys = [k for k in library.fitted_parameters(name) if not spec((name, k)).auxiliary]
     specs = [spec((name, k)) for k in keys]
     steps = np.array([FIRST_STEP * s.matters for s in specs])
     wide = np.array([s.prior_sd or s.upper - s.lower for s in specs])
@@ -264,7 +255,14 @@ def laid_on(name, parameters, layer, comparison):
     """Return the Trial of an effect with parameters."""
     moved = layer.move([(name, parameters)])
     distance = comparison.distance(moved)
-    return Trial(name, layer.sign < 0, parameters, float(distance @ distance) + 2 * len(_fitted(name)), moved, {})
+    return Trial(
+        name,
+        layer.sign < 0,
+        parameters,
+        float(distance @ distance) + 2 * len(library.fitted_parameters(name)),
+        moved,
+        {},
+    )
 
 
 def scaled(name, nulls, start, scale):
@@ -272,18 +270,14 @@ def scaled(name, nulls, start, scale):
     out = dict(start)
     for key in start:
         s = spec((name, key))
-        if not (s.auxiliary or s.is_choice):
+        if not s.auxiliary:
             out[key] = float(np.clip(nulls[key] + scale * (start[key] - nulls[key]), s.lower, s.upper))
     return out
 
 
-def _fitted(name):
-    return [k for k in library.fitted_parameters(name) if not spec((name, k)).is_choice]
-
-
 def refined(trial, layer, comparison):
     """Return a Trial with its effect's parameters fitted."""
-    name, keys = trial.effect, _fitted(trial.effect)
+    name, keys = trial.effect, library.fitted_parameters(trial.effect)
     specs = [spec((name, k)) for k in keys]
     lower, upper = (np.array([getattr(s, side) for s in specs]) for side in ("lower", "upper"))
     unit = np.array([s.matters for s in specs])
@@ -353,7 +347,7 @@ def _changes(sets, candidates, seed, each, uncounted):
         found.append(change)
         laid[change.less].extend(change.laid)
         moved = signatures_of(sets[change.less], laid[change.less], each)
-        if change.less and is_before_noise([change.effect]):
+        if change.less and library.is_before_sensor(change.effect):
             moved[:, AFTER_LENS] = signatures[True][:, AFTER_LENS]
         signatures[change.less] = moved
         names = [n for n in names if n != change.effect]

@@ -43,23 +43,6 @@ class State:
     poses: np.ndarray
 
 
-@dataclass
-class Fit:
-    """The outcome of a fit on the training captures; standard errors (k,) of its k free parameters.
-
-    ``errors`` are told: what the residuals' own scatter makes of the parameters. ``cautious_errors`` are those of plates
-    measured no better than ``FEATURE_FLOOR``, and decide whether an effect is there at all. ``precision`` (k, k) is the
-    Hessian of half the loss.
-    """
-
-    state: State
-    loss: float
-    errors: np.ndarray
-    cautious_errors: np.ndarray
-    converged: bool
-    precision: np.ndarray
-
-
 @dataclass(frozen=True)
 class Descent:
     """Where a fit ends: residual ``groups`` of the training captures, and derivatives as they were there or shortly before."""
@@ -226,27 +209,27 @@ class Solver:
 
         return self.each(way, indices)
 
-    def fit(self, effects, free, poses, train, iterations=6, scale=1.0):
-        """Return the Fit of the free parameters [(effect, parameter), ...] and the poses of the training captures.
-
-        ``effects`` gives the start and the fixed rest; ``scale`` is the robust scale at which a fit of corners begins.
-        """
-        return self.with_errors(self.approach(effects, free, poses, train, iterations, scale))
-
     def with_errors(self, end):
-        """Return the Fit of a Descent."""
-        errors = cautious_errors = np.zeros(len(end.free))
-        if end.free:
-            if not end.converged:  # else derivatives are those of a step within the errors
-                effects, poses = end.state.effects, end.state.poses
-                end = replace(end, derivatives=self.derivatives(effects, end.free, poses, list(end.groups)))
-            covariance = np.linalg.pinv(end.precision + np.diag(np.full(len(end.free), 1e-12)))
-            _, precision = priors_of(end.free)
-            errors, cautious_errors = errors_of(covariance, end.derivatives, end.groups, precision, self.whiteners)
-        return Fit(end.state, end.loss, errors, cautious_errors, end.converged, end.precision)
+        """Return (a Descent, its derivatives where it ends, standard errors (k,), cautious ones (k,)) of its k free parameters.
+
+        The first are what the residuals' own scatter makes of the parameters; the cautious ones are those of plates measured no
+        better than ``FEATURE_FLOOR``, and decide whether an effect is there at all.
+        """
+        if not end.free:
+            return end, np.zeros(0), np.zeros(0)
+        if not end.converged:  # else derivatives are those of a step within the errors
+            effects, poses = end.state.effects, end.state.poses
+            end = replace(end, derivatives=self.derivatives(effects, end.free, poses, list(end.groups)))
+        covariance = np.linalg.pinv(end.precision + np.diag(np.full(len(end.free), 1e-12)))
+        _, precision = priors_of(end.free)
+        return end, *errors_of(covariance, end.derivatives, end.groups, precision, self.whiteners)
 
     def approach(self, effects, free, poses, train, iterations, scale=1.0):
-        """Return the Descent of a fit whose geometry is fitted to corners alone first."""
+        """Return the Descent of the free parameters [(effect, parameter), ...] and the poses of the training captures, geometry
+        fitted to corners alone first.
+
+        ``effects`` gives the start and the fixed rest; ``scale`` is the robust scale at which that fit of corners begins.
+        """
         geometric = [f for f in free if is_geometric(f)]
         if geometric:
             effects, poses = self.fit_geometry(effects, geometric, poses, self.no_offsets(), train, scale=scale)

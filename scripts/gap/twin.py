@@ -62,14 +62,12 @@ class Twin:
 class Candidate:
     """What came of one effect added to a base: the ``twin``, and what it gains over the base.
 
-    ``gap`` and ``groups`` are in units of ``floors``, the base's; an effect that was not fitted is at its null. Where it is
-    ``complete``, all effects of the twin were refitted with it.
+    An effect that was not fitted is at its null. Where it is ``complete``, all effects of the twin were refitted with it.
     """
 
     effect: str
     parameters: dict
     twin: Twin
-    floors: dict
     fitted: bool
     complete: bool = False
     gain: float = 0.0
@@ -77,20 +75,6 @@ class Candidate:
     stations_gaining: float = 0.0
     is_significant: bool = False
     group_gains: dict = field(default_factory=dict)
-
-    @property
-    def gap(self):
-        """The held-out gap in the base's floors."""
-        return self.gap_in(self.floors)
-
-    @property
-    def gap_se(self):
-        """Its jackknife standard error."""
-        return gap_error(self.twin.groups, self.floors)
-
-    def gap_in(self, floors):
-        """Return the gap in units of some floors."""
-        return overall_gap(self.twin.groups, floors)
 
     @property
     def main_group(self):

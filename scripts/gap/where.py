@@ -130,16 +130,8 @@ def field_gaps(case, predictions):
         gap = case.captures[i].observation.field - prediction.field
         grid = gap.reshape(2, FIELD_ROWS, FIELD_COLUMNS)
         for surface, values in zip(("ground", "sky"), grid, strict=True):
-            for r, c in np.argwhere(np.isfinite(values)):
-                rows.append(
-                    {
-                        "capture": case.captures[i].view.capture,
-                        "surface": surface,
-                        "row": int(r),
-                        "column": int(c),
-                        "gap_dn": float(values[r, c]),
-                    }
-                )
+            seen = np.argwhere(np.isfinite(values)).tolist()
+            rows += [(case.captures[i].view.capture, surface, r, c, float(values[r, c])) for r, c in seen]
     return pd.DataFrame(rows, columns=["capture", "surface", "row", "column", "gap_dn"])
 
 
@@ -151,13 +143,6 @@ def noise_gaps(case, predictions):
             continue
         o = case.captures[i].observation
         for n, name in enumerate(NOISE_FEATURES):
-            rows.append(
-                {
-                    "capture": case.captures[i].view.capture,
-                    "feature": name,
-                    "real": float(o.noise[n]),
-                    "twin": float(prediction.noise[n]),
-                    "se": float(o.noise_se[n]),
-                }
-            )
+            numbers = (float(of[n]) for of in (o.noise, prediction.noise, o.noise_se))
+            rows.append((case.captures[i].view.capture, name, *numbers))
     return pd.DataFrame(rows, columns=["capture", "feature", "real", "twin", "se"])

@@ -162,6 +162,11 @@ def _black_strips(plate):
     return np.array(rectangles, float).reshape(-1, 4)
 
 
+def printed_plates(scene):
+    """Return a scene's plates as they are printed, ink spread included."""
+    return [spread_ink(plate, scene.ink_spread_m) if scene.ink_spread_m else plate for plate in scene.plates]
+
+
 def spread_ink(plate, spread_m):
     """Return the plate with the boundaries of black moved outward by ``spread_m`` (inward where negative).
 

@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import cv2
 
 import job
-from case_files import load_case, load_observations, read_capture, save_observations
+from case_files import load_case, load_observations
 from expand_tables import expand_tables
 from inputs.campaign import load_campaign
 from observe_captures import observe_captures
@@ -35,12 +35,7 @@ def observe_camera(campaign, camera, folder):
     """Register and measure the captures of a camera; write to the folder all that a fit needs of them."""
     expand_tables(campaign, None, camera, folder / "expand")
     register_captures(folder / "expand", campaign, camera, folder / "register.csv", folder / "register.json")
-    case, captures = load_case(folder / "expand", folder / "register.json", camera)
-    images = dict(zip(captures.capture, captures.image, strict=True))
-    for capture in case.captures:
-        case.observe_real(capture, read_capture(campaign, images[capture.view.capture]))
-    with job.write_atomically(folder / OBSERVATIONS, "wb") as file:
-        save_observations(file, case)
+    observe_captures(folder / "expand", folder / "register.json", campaign, camera, folder / OBSERVATIONS)
 
 
 def observe_trial(campaign, out):

@@ -94,8 +94,8 @@ def test_formed_image_and_its_noise_stay(name, nothing_skipped):
     """Fails if, through the whole chain, an effect at its null is another image, or says that noise is more or less."""
     v, chosen = view(noise_dn=1.5), [(name, library.nulls_of(name))]
     radiance = noise_image(3, v, high=1.0)
-    levels, noise_dn = pipeline.levels_and_noise(radiance, v, chosen, None)
-    base, base_noise_dn = pipeline.levels_and_noise(radiance, v, [], None)
+    levels, noise_dn = pipeline.form(radiance, v, chosen, None).outcome
+    base, base_noise_dn = pipeline.form(radiance, v, [], None).outcome
     np.testing.assert_array_equal(levels, base)
     np.testing.assert_array_equal(noise_dn, np.broadcast_to(np.float32(base_noise_dn), np.shape(noise_dn)))
     quiet = view()  # an effect's own noise would be drawn before the declared one

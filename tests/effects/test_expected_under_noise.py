@@ -65,7 +65,7 @@ def test_noise_through_a_mosaic_is_as_strong_as_it_leaves_it_and_what_smooths_it
     taken = (
         pipeline.photometric(flat, seen, effects, np.random.default_rng(4))[20:-20, 20:-20] @ jpeg_compression.TO_YCC[0]
     )
-    _, told_dn = pipeline.levels_and_noise(flat, seen, effects, None)
+    _, told_dn = pipeline.form(flat, seen, effects, None).outcome
     assert np.mean(told_dn) * np.linalg.norm(jpeg_compression.TO_YCC[0]) == pytest.approx(taken.std(), rel=0.06)
 
 

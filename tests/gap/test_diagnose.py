@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from cases import case_of_several, generated_case
 
+from diagnose_camera import ranked
 from effects import library, pipeline
 from gap.discrete import Discrete
 from gap.outcome import Selection, Step, outcome_of
@@ -202,9 +203,10 @@ def test_candidates_are_told_in_the_floors_of_the_verdict(nothing_hidden):
     search = Search(nothing_hidden)
     base = search.fitted([])
     candidate = search.null_candidate(base, "exposure")
-    assert candidate.gap == pytest.approx(base.gap)
     floors = {name: floor / 2 for name, floor in base.floors.items()}
-    assert candidate.gap_in(floors) == pytest.approx(overall_gap(base.groups, floors))
+    (told,) = ranked([candidate], floors)
+    assert told["gap_after"] == pytest.approx(overall_gap(base.groups, floors))
+    assert told["gap_after"] > 1.5 * base.gap
 
 
 def test_a_search_that_comes_back_ends():
@@ -231,7 +233,7 @@ def test_a_glossy_lamp_is_seen_from_afar(tmp_path):
     base = search.fitted([])
     gains = search.predicted_gains(base, search.candidates)
     assert max(gains, key=gains.get) == "specular_highlight"
-    assert search.try_effect(base, "specular_highlight").gap < 0.6 * base.gap
+    assert search.try_effect(base, "specular_highlight").twin.gap < 0.6 * base.gap
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from effects.base import View
 from effects.encoding import mean_of_clipped
 from effects.filters import gaussian
 from gap.measure.capture import COARSE_TO_FINE, FINE, Codes, measure_plates, noise_amplification, states_at
-from gap.predict.raster import coverage
+from gap.predict.raster import add_polygons, running_sums
 from gap.predict.synthesis import Prints, coverages, shade
 from gap.problem import code_corners_world, encoding_table
 from rig.geometry import project, station_pose
@@ -28,7 +28,9 @@ def test_coverage_equals_dense_sampling():
         a, b = triangle[0, k], triangle[0, (k + 1) % 3]
         inside &= (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]) > 0
     sampled = inside.reshape(10, n, 10, n).mean((1, 3))
-    assert np.abs(coverage(triangle, np.ones(1), (10, 10)) - sampled).max() < 5e-4
+    drawn = np.zeros((10, 12))
+    add_polygons(drawn, triangle, np.ones(1))
+    assert np.abs(running_sums(drawn) - sampled).max() < 5e-4
 
 
 def test_levels_of_flats_are_the_nominal_ones():

@@ -7,7 +7,7 @@ measures real and twin, so that what the expansion leaves out cancels in the gap
 
 import numpy as np
 
-from gap.predict.raster import add_edge
+from gap.predict.raster import add_edge, running_sums
 from kernels import njit
 
 # The expansion: displacement of the four code corners (px; x, y each), then
@@ -72,17 +72,6 @@ def _draw(acc, H, rectangles, dx, dy):
 
 
 @njit(cache=True, nogil=True)
-def _sum_rows(acc, h, w):
-    out = np.empty((h, w))
-    for r in range(h):
-        total = 0.0
-        for c in range(w):
-            total += acc[r, c]
-            out[r, c] = total
-    return out
-
-
-@njit(cache=True, nogil=True)
 def _box(image, radius):
     """Return the mean over a (2 radius + 1) square, edges repeated."""
     if radius == 0:
@@ -144,10 +133,10 @@ def _draw_model(shape, corners, half_code, half_plate, rectangles, levels, shift
     H = code_homography(corners, half_code)
     acc = np.zeros((h, w + 2))
     _draw(acc, H, np.array([[-half_plate, -half_plate, half_plate, half_plate]]), x0, y0)
-    plate = _sum_rows(acc, h, w)
+    plate = running_sums(acc)
     acc[:] = 0
     _draw(acc, H, rectangles, x0, y0)
-    black = _sum_rows(acc, h, w)
+    black = running_sums(acc)
     white_level, black_level, ground_level = levels
     model, us, vs = np.empty((h, w)), np.empty((h, w)), np.empty((h, w))
     inverse = np.linalg.inv(H)
@@ -176,7 +165,7 @@ def _expand(image, corners, half_code, half_plate, rectangles, levels, shifts, l
     wider = half_plate + RIM_STEP_PX / px_per_m(corners, half_code)
     acc = np.zeros((h, w + 2))
     _draw(acc, code_homography(corners, half_code), np.array([[-wider, -wider, wider, wider]]), x0, y0)
-    rim = _sum_rows(acc, h, w) - plate
+    rim = running_sums(acc) - plate
     white_level, black_level, ground_level = levels
     contrast = _encode(white_level, lut) - _encode(black_level, lut) + shifts[0] - shifts[1]
     outer_contrast = _encode(white_level, lut) - _encode(ground_level, lut) + shifts[0] - shifts[2]

@@ -2,14 +2,13 @@
 
 import numpy as np
 
-from gap.measure.plate import _draw, _sum_rows, code_homography, plate_window
+from gap.measure.plate import _draw, code_homography, plate_window
+from gap.predict.raster import running_sums
 from kernels import njit
 
 GROUND, WHITE, BLACK, SKY = 1, 2, 3, 4
 FIELD_COLUMNS, FIELD_ROWS = 8, 5
-REGION_SIDES_PX = (
-    16,
-)  # of the squares that are looked at, the largest that fits: whole blocks of 16, less 8 on each side
+REGION_SIDE_PX = 16  # of the squares that are looked at, the largest that fits: whole blocks of 16, less 8 on each side
 REGION_EDGE_PX = 8
 BLOCK_PX = 16
 LARGEST_PX = 900
@@ -37,10 +36,10 @@ def _classify_plate(out, corners, half_code, half_plate, rectangles):
     ph, pw = y1 - y0, x1 - x0
     acc = np.zeros((ph, pw + 2))
     _draw(acc, H, np.array([[-t, -t, t, t]]), x0, y0)
-    plate = _sum_rows(acc, ph, pw)
+    plate = running_sums(acc)
     acc[:] = 0
     _draw(acc, H, rectangles, x0, y0)
-    black = _sum_rows(acc, ph, pw)
+    black = running_sums(acc)
     for r in range(max(0, -y0), min(ph, h - y0)):
         for c in range(max(0, -x0), min(pw, w - x0)):
             pure_white, pure_black = True, True
@@ -221,20 +220,18 @@ def choose_regions(classes):
 
 
 def _region_in(wanted, x, y):
-    """Return (x0, y0, x1, y1) of the largest square within x and y that is ``wanted`` (H, W) throughout, the nearest to the
-    middle; zeros where there is none.
+    """Return (x0, y0, x1, y1) of the square within x and y that is ``wanted`` (H, W) throughout, the nearest to the middle;
+    zeros where there is none.
     """
-    for side in REGION_SIDES_PX:
-        places = [(c, r) for c in _first_pixels(*x, side) for r in _first_pixels(*y, side)]
-        for c, r in sorted(
-            places, key=lambda p: (np.hypot(p[0] + side / 2 - sum(x) / 2, p[1] + side / 2 - sum(y) / 2), p)
-        ):
-            if wanted[r : r + side, c : c + side].all():
-                return c, r, c + side, r + side
+    side = REGION_SIDE_PX
+    places = [(c, r) for c in _first_pixels(*x) for r in _first_pixels(*y)]
+    for c, r in sorted(places, key=lambda p: (np.hypot(p[0] + side / 2 - sum(x) / 2, p[1] + side / 2 - sum(y) / 2), p)):
+        if wanted[r : r + side, c : c + side].all():
+            return c, r, c + side, r + side
     return 0, 0, 0, 0
 
 
-def _first_pixels(low, high, side):
-    """Return where squares of ``side`` px may begin between low and high, so that whole blocks hold them and their edges."""
+def _first_pixels(low, high):
+    """Return where squares of REGION_SIDE_PX may begin between low and high, so that whole blocks hold them and their edges."""
     first = -(-(low - REGION_EDGE_PX) // BLOCK_PX) * BLOCK_PX + REGION_EDGE_PX
-    return range(first, high - side + 1, BLOCK_PX)
+    return range(first, high - REGION_SIDE_PX + 1, BLOCK_PX)

@@ -28,7 +28,7 @@ from gap.measure.capture import (
 )
 from gap.measure.plate import N_FEATURES
 from gap.measure.response import respond
-from gap.predict.synthesis import shade, window_coverages, window_ground_points
+from gap.predict.synthesis import ground_seen_at, shade, window_coverages
 from gap.predict.windows import make_atlas
 from job import seed_of
 
@@ -177,7 +177,7 @@ class Shown:
                 self._drawn[key] = drawn
             covers, ground = drawn
             if not ground and (scene.light or scene.highlight):
-                ground.append(window_ground_points(view, self.atlas, mapping))
+                ground.append(ground_seen_at(view, mapping, self.atlas.windows.x, self.atlas.windows.y))
             planes.append(shade(scene, view, *covers, ground[0] if ground else None))
         return np.stack(planes, axis=-1).astype(np.float32)
 

@@ -96,19 +96,12 @@ def add_spread_polygons(acc, vertices, directions, shares):
 
 
 @njit(cache=True, nogil=True)
-def running_sum(acc, out):
-    """Write the running sums of the accumulator's rows to ``out`` (rows, columns)."""
+def running_sums(acc):
+    """Return the running sums (rows, columns) of the rows of an accumulator (rows, columns + 2)."""
+    out = np.empty((acc.shape[0], acc.shape[1] - 2))
     for row in range(out.shape[0]):
         total = 0.0
         for column in range(out.shape[1]):
             total += acc[row, column]
-            out[row, column] += total
-
-
-def coverage(vertices, weights, shape):
-    """Return the weighted coverage (rows, columns) float64 of polygons given in array coordinates."""
-    acc = np.zeros((shape[0], shape[1] + 2))
-    out = np.zeros(shape)
-    add_polygons(acc, np.ascontiguousarray(vertices, float), np.ascontiguousarray(weights, float))
-    running_sum(acc, out)
+            out[row, column] = total
     return out

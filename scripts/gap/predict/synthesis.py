@@ -8,7 +8,7 @@ import numpy as np
 
 from effects.base import highlight_radiance, light_factor
 from gap.predict import windows
-from gap.predict.raster import add_polygons, add_spread_polygons, running_sum
+from gap.predict.raster import add_polygons, add_spread_polygons, running_sums
 from rig.discs import ARC_PIECES, lenses, outlines, pieces_of
 from rig.geometry import project, transform
 from rig.plates import cell_rectangles, disc_changes
@@ -110,7 +110,7 @@ def coverages(prints, view, map_points=None, spread=None):
     shape = (view.height + 2 * m, view.width + 2 * m)
 
     def fill(parts):
-        acc, out = np.zeros((shape[0], shape[1] + 2)), np.zeros(shape)
+        acc = np.zeros((shape[0], shape[1] + 2))
         for pixels in parts:
             vertices = np.ascontiguousarray(pixels + (m + 0.5))
             if spread is None:
@@ -118,8 +118,7 @@ def coverages(prints, view, map_points=None, spread=None):
             else:
                 directions, shares = spread(pixels.reshape(-1, 2))
                 add_spread_polygons(acc, vertices, directions.reshape(*pixels.shape[:2], *directions.shape[1:]), shares)
-        running_sum(acc, out)
-        return out
+        return running_sums(acc)
 
     return [fill(parts) for parts in drawn_polygons(prints, view, map_points)]
 
@@ -224,11 +223,6 @@ def ground_points(view, map_points):
     columns = np.arange(-m, view.width + m, dtype=np.float32)
     rows = np.arange(-m, view.height + m, dtype=np.float32)
     return ground_seen_at(view, map_points, *np.meshgrid(columns, rows))
-
-
-def window_ground_points(view, atlas, map_points):
-    """Return world x and y of the ground as ``ground_points``, of a gap.predict.windows.Atlas."""
-    return ground_seen_at(view, map_points, atlas.windows.x, atlas.windows.y)
 
 
 def ground_seen_at(view, map_points, x, y):

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from effects.base import Windows
-from gap.predict.raster import add_edge
+from gap.predict.raster import add_edge, running_sums
 from kernels import njit
 
 BLOCK_PX = 16
@@ -157,7 +157,7 @@ def draw(vertices, tiles, out):
                 add_edge(
                     acc, (a[0] - x0) / along, (a[1] - y0) / down, (b[0] - x0) / along, (b[1] - y0) / down, -1.0
                 )  # fmt: skip
-        _sum_rows_into(acc, out, row, column)
+        out[row : row + rows, column : column + columns] += running_sums(acc)
 
 
 @njit(cache=True, nogil=True)
@@ -189,7 +189,7 @@ def draw_spread(vertices, directions, shares, tiles, out):
                 for v in range(m):
                     w = v + 1 if v + 1 < m else 0
                     add_edge(acc, moved[v, 0], moved[v, 1], moved[w, 0], moved[w, 1], weight)
-        _sum_rows_into(acc, out, row, column)
+        out[row : row + rows, column : column + columns] += running_sums(acc)
 
 
 @njit(cache=True, nogil=True)
@@ -215,12 +215,3 @@ def _farthest(directions, shares):
             longest = max(longest, np.hypot(flat[i, j, 0], flat[i, j, 1]))
         reach += longest * np.abs(shares[:, j]).max()
     return reach
-
-
-@njit(cache=True, nogil=True)
-def _sum_rows_into(acc, out, row, column):
-    for r in range(acc.shape[0]):
-        total = 0.0
-        for c in range(acc.shape[1] - 2):
-            total += acc[r, c]
-            out[row + r, column + c] += total
