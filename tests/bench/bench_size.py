@@ -1,6 +1,10 @@
-"""How large the diagnosis is: ``python tests/bench/bench_size.py`` counts its lines and records them (record.py)."""
+"""How large the diagnosis is: ``python tests/bench/bench_size.py`` counts its lines and its bounds and records them (record.py)."""
+
+import re
 
 from record import ROOT, record
+
+BOUND = re.compile(r"^\| [^|]+ \| [^|]+ \| `[a-z_]+\.py` \|", re.MULTILINE)
 
 
 def lines_of(project):
@@ -9,7 +13,17 @@ def lines_of(project):
     return sum(len(path.read_text(encoding="utf-8").splitlines()) for path in files)
 
 
+def bounds_of(project):
+    """Return the number of bounds that docs/method.md lists."""
+    return len(BOUND.findall((project / "docs/method.md").read_text(encoding="utf-8")))
+
+
 if __name__ == "__main__":
-    lines = lines_of(ROOT)
-    print(f"scripts/gap and the diagnose scripts: {lines} lines")
-    record([("lines in scripts/gap and the diagnose scripts", lines, "lines")])
+    lines, bounds = lines_of(ROOT), bounds_of(ROOT)
+    print(f"scripts/gap and the diagnose scripts: {lines} lines; bounds that decide a name or a verdict: {bounds}")
+    record(
+        [
+            ("lines in scripts/gap and the diagnose scripts", lines, "lines"),
+            ("thresholds that decide a name or a verdict", bounds, "bounds"),
+        ]
+    )
