@@ -210,7 +210,7 @@ class Solver:
         return self.each(way, indices)
 
     def with_errors(self, end):
-        """Return (a Descent, its derivatives where it ends, standard errors (k,), cautious ones (k,)) of its k free parameters.
+        """Return (Descent with derivatives of where it ends, standard errors (k,), cautious ones (k,)) of k free parameters.
 
         The first are what the residuals' own scatter makes of the parameters; the cautious ones are those of plates measured no
         better than ``FEATURE_FLOOR``, and decide whether an effect is there at all.

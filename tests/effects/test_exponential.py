@@ -9,7 +9,7 @@ from effects.exponential import FLATTER, steep_exponential
 
 
 def test_a_power_of_a_cubic_is_the_exponential():
-    """Fails if a coefficient or the number of squarings is another: 1e-5 is what a probability's tail may be off."""
+    """Fails if the number of squarings or a coefficient's sign is another: a probability's tail may be off by 1e-5."""
     t = np.linspace(0, 24, 4001)
     power = np.array([steep_exponential(np.float32(x / FLATTER)) for x in t])
     np.testing.assert_allclose(power, np.exp(-t), atol=1e-5)

@@ -8,7 +8,7 @@ from kernels import njit
 
 GROUND, WHITE, BLACK, SKY = 1, 2, 3, 4
 FIELD_COLUMNS, FIELD_ROWS = 8, 5
-REGION_SIDE_PX = 16  # of the squares that are looked at, the largest that fits: whole blocks of 16, less 8 on each side
+REGION_SIDE_PX = 16  # of the squares that are looked at: whole blocks of 16, less 8 on each side
 REGION_EDGE_PX = 8
 BLOCK_PX = 16
 LARGEST_PX = 900
