@@ -21,10 +21,13 @@ LONGEST_WAIT_S = 120  # for another process that compiles: it may hang
 
 
 def njit(**options):
-    """Return the decorator ``numba.njit(**options)``; what it keeps on disk, where it does, is bound to all of its source."""
+    """Return the decorator ``numba.njit(**options)``; what it keeps on disk, where it does, is bound to all of its source.
+
+    A division by zero gives what NumPy's does: to look for one would keep loops from doing numbers side by side.
+    """
 
     def compiled(function):
-        kernel = numba.njit(**options)(function)
+        kernel = numba.njit(error_model="numpy", **options)(function)
         kept = getattr(kernel._cache, "_cache_file", None)
         if kept is not None:
             kept._source_stamp = kept._source_stamp, digest_of_imports(function.__code__.co_filename)

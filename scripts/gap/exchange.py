@@ -3,6 +3,7 @@
 from functools import partial
 
 from effects import library
+from gap.parameters import is_geometric
 from gap.residuals import NU, total, width_of
 from gap.search import MAX_BEHIND, MAX_STARTS, MIN_GAIN, SCALE_FROM_NEAR, SCALE_FROM_START
 from gap.split import probes
@@ -20,9 +21,14 @@ def short_fit(search, effects, poses, scale, iterations=FURTHER_ITERATIONS, movi
 
 
 def fitted_alone(search, effects, poses, names):
-    """Return the Descent, in a few captures, in which the parameters of some of the effects move, and poses; the others stay."""
+    """Return the Descent, in a few captures, in which the parameters of some of the effects move, and poses; the others stay.
+
+    What moves no points leaves corners where they are: no fit of these comes first.
+    """
     own = search.free([e for e in effects if e[0] in names])
-    return short_fit(search, effects, poses, SCALE_FROM_NEAR, moving=own)
+    if any(is_geometric(f) for f in own):
+        return short_fit(search, effects, poses, SCALE_FROM_NEAR, moving=own)
+    return search.solver.descend(effects, own, poses, probes(search.train), FURTHER_ITERATIONS)
 
 
 def with_best_starts(search, twin, proposal):

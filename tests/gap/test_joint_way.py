@@ -171,10 +171,9 @@ def descent(loss, name):
 def test_the_name_is_that_of_what_leaves_least(monkeypatch, loss_px, kept, as_good):
     """Fails if a rival that leaves less does not take the name, or what leaves as little is not told."""
     losses = {"defocus": loss_px, "lens_blur": 1000.0}
-    monkeypatch.setattr(
-        exchange, "short_fit", lambda _, effects, *__, **___: descent(losses[effects[-1][0]], effects[-1][0])
-    )
-    search = SimpleNamespace(problem=SimpleNamespace(starts_of=library.starts_of), free=lambda _: [])
+    for fit in ("fitted_alone", "short_fit"):
+        monkeypatch.setattr(exchange, fit, lambda _, effects, *__: descent(losses[effects[-1][0]], effects[-1][0]))
+    search = SimpleNamespace(problem=SimpleNamespace(starts_of=library.starts_of))
     end, name, others = exchange.exchanged(search, descent(1000.0, "lens_blur"), "lens_blur", ["defocus"])
     assert (end.state.effects[-1][0], name) == (kept, kept)
     assert [n for n, _ in others] == as_good
@@ -185,13 +184,14 @@ def test_a_rival_is_fitted_with_everything_from_its_best_start(monkeypatch, loss
     """Fails if time is spent on fits of everything from each start, or from one that leaves far more by itself."""
     fits = []
 
-    def short_fit(_, effects, *__, moving=None):
-        fits.append(moving)
+    def fitted(_, effects, *given):
+        fits.append(given[-1] if given[-1] == ["defocus"] else None)
         (name, p), best = effects[-1], library.starts_of("defocus")[1]
         return descent(loss if p == best else 5000.0, name)
 
-    monkeypatch.setattr(exchange, "short_fit", short_fit)
-    search = SimpleNamespace(problem=SimpleNamespace(starts_of=library.starts_of), free=lambda e: [e[0][0]])
+    monkeypatch.setattr(exchange, "fitted_alone", fitted)
+    monkeypatch.setattr(exchange, "short_fit", fitted)
+    search = SimpleNamespace(problem=SimpleNamespace(starts_of=library.starts_of))
     _, name, _ = exchange.exchanged(search, descent(1000.0, "lens_blur"), "lens_blur", ["defocus"])
     assert name == "lens_blur" and fits == [["defocus"], ["defocus"], *[None] * whole]
 
@@ -209,10 +209,9 @@ def test_a_rival_is_fitted_with_everything_from_its_best_start(monkeypatch, loss
 def test_a_form_takes_a_simple_effects_place_only_where_it_saves_much(monkeypatch, held, rival, loss, kept):
     """Fails if a curve takes the name of an exposure because it also fits a little of what is missing besides."""
     losses = {held: 1000.0, rival: loss}
-    monkeypatch.setattr(
-        exchange, "short_fit", lambda _, effects, *__, **___: descent(losses[effects[-1][0]], effects[-1][0])
-    )
-    search = SimpleNamespace(problem=SimpleNamespace(starts_of=library.starts_of), free=lambda _: [])
+    for fit in ("fitted_alone", "short_fit"):
+        monkeypatch.setattr(exchange, fit, lambda _, effects, *__: descent(losses[effects[-1][0]], effects[-1][0]))
+    search = SimpleNamespace(problem=SimpleNamespace(starts_of=library.starts_of))
     _, name, others = exchange.exchanged(search, descent(1000.0, held), held, [rival])
     assert name == kept and not others
 

@@ -167,22 +167,22 @@ def test_what_is_in_a_wrong_local_minimum_begins_anew_from_its_starts(monkeypatc
     """
     fitted = []
 
-    def short_fit(_, effects, poses, scale, moving):
-        fitted.append(moving)
+    def descend(effects, free, *_):
+        fitted.append(free)
         focus = dict(effects)["defocus"]["focus_m"]
         there = 0.9 if focus > 1 else focus  # from the farther start alone the way leads there
         effects = [(n, p | {"focus_m": there} if n == "defocus" else p) for n, p in effects]
         return SimpleNamespace(state=SimpleNamespace(effects=effects, poses="moved"), loss=100 + 1e4 * abs(there - 0.9))
 
-    monkeypatch.setattr(exchange, "short_fit", short_fit)
     names = ["focal_length", "vignetting", "defocus"]
     effects = [(n, library.nulls_of(n)) for n in names[:2]] + [("defocus", {"focus_m": focus_m})]
     end = SimpleNamespace(state=SimpleNamespace(effects=effects, poses="here"), loss=100 + 1e4 * abs(focus_m - 0.9))
     problem = SimpleNamespace(starts_of=library.starts_of, shows=lambda _: False)
-    search = SimpleNamespace(problem=problem, free=lambda effects: [(n, "*") for n, _ in effects])
+    solver = SimpleNamespace(descend=descend)
+    search = SimpleNamespace(problem=problem, solver=solver, train=[0], free=lambda e: [(n, "focus_m") for n, _ in e])
     effects, poses = from_best_starts(search, end, names)
     assert [n for n, _ in effects] == names and dict(effects)["defocus"]["focus_m"] == found
-    assert poses == ("here" if focus_m == found else "moved") and fitted == [[("defocus", "*")]] * 2
+    assert poses == ("here" if focus_m == found else "moved") and fitted == [[("defocus", "focus_m")]] * 2
 
 
 def test_of_many_starts_those_are_fitted_that_leave_least(monkeypatch):

@@ -5,7 +5,7 @@ import pytest
 from cases import generated_case
 
 from effects import library
-from gap.predict.predictor import Shown
+from gap.predict.predictor import Kept, Shown
 from gap.predict.windows import make_atlas
 
 FARTHER = 5.0  # times what matters, where an effect has no start off its null
@@ -41,7 +41,7 @@ def test_windows_lie_on_whole_blocks_and_hold_their_cores():
 def test_windows_show_what_the_frame_shows(case, name):
     """Fails if an effect looked farther than it says (``reach_px``), took a window's place for the frame's, or its light."""
     effects, pose, capture = [(name, clear(name))], np.zeros(6), case.captures[1]
-    shown = Shown(case, capture, effects, pose, False)
+    shown = Shown(case, capture, effects, pose, False, Kept(9))
     whole = case.image_of(case.radiance_of(capture, effects, pose), capture, effects, pose)
     whole = shown.atlas.gather(whole)
     off = np.concatenate(
@@ -56,9 +56,9 @@ def test_a_change_is_what_features_change_by(case, by_response):
     """Fails if features were said to follow the image otherwise than the fit of the plate does, its creeping included."""
     base, more = ([("lens_blur", {"sigma_px": s, "softness": 1.0})] for s in (0.8, 0.83))
     pose, capture = np.zeros(6), case.captures[1]
-    shown = Shown(case, capture, base, pose, False)
+    shown = Shown(case, capture, base, pose, False, Kept(9))
     told = shown.change(more, by_response)
-    before, after = shown.prediction, Shown(case, capture, more, pose, False).prediction
+    before, after = shown.prediction, Shown(case, capture, more, pose, False, Kept(9)).prediction
     both = before.measured & after.measured
     happened = (after.features - before.features)[both]
     size = np.sqrt((happened**2).mean(0))
@@ -70,8 +70,8 @@ def test_a_change_is_what_features_change_by(case, by_response):
 def test_noise_belongs_to_pixels_wherever_windows_lie(case):
     """Fails if a moved window got other noise: a fit's derivative by a pose would be noise."""
     capture, pose = case.captures[0], np.zeros(6)
-    a, b = (Shown(case, capture, effects, pose, True) for effects in ([], [("exposure", {"scale": 1.2})]))
-    moved = Shown(case, capture, [("lens_blur", {"sigma_px": 2.5, "softness": 1.0})], pose, True)
+    a, b = (Shown(case, capture, effects, pose, True, Kept(9)) for effects in ([], [("exposure", {"scale": 1.2})]))
+    moved = Shown(case, capture, [("lens_blur", {"sigma_px": 2.5, "softness": 1.0})], pose, True, Kept(9))
     frame_a, frame_b = (s._numbers().standard_normal((*s.atlas.whole_shape, 1)) for s in (a, moved))
     np.testing.assert_array_equal(frame_a[a.atlas.core(0)], frame_b[moved.atlas.core(0)])
     assert b.prediction.noise is not None
@@ -79,7 +79,7 @@ def test_noise_belongs_to_pixels_wherever_windows_lie(case):
 
 def test_what_a_change_draws_is_not_kept(case):
     """Fails if each derivative by a blur keeps its windows: a long search then fills gigabytes."""
-    shown = Shown(case, case.captures[1], [], np.zeros(6), False)
+    shown = Shown(case, case.captures[1], [], np.zeros(6), False, Kept(9))
     own = list(shown._drawn)
     for sigma_px in (0.8, 0.9):
         shown.change([("lens_blur", {"sigma_px": sigma_px, "softness": 1.0})])
@@ -91,7 +91,7 @@ def test_noise_follows_what_the_sensor_and_what_comes_after_it_do(case):
     all is measured again, a brighter scene has other noise.
     """
     before = [("sensor_noise", {"gain_dn_per_e": 0.2, "read_noise_dn": 1.0}), ("exposure", {"scale": 1.1})]
-    shown = Shown(case, case.captures[0], before, np.zeros(6), True)
+    shown = Shown(case, case.captures[0], before, np.zeros(6), True, Kept(9))
     moved = {
         name: [
             np.nanmax(np.abs(shown.change([*before, (name, clear(name))], by_response).noise))

@@ -34,6 +34,7 @@ from job import seed_of
 
 KEPT = 4000  # predictions, some 20 kB each
 SCENES_KEPT = 7  # windows with all steps of their image formation, 10 to 250 MB each: those of a fit and one more
+DRAWN_KEPT = 24  # channels of windows, some 5 MB each: those of the captures of a fit at one pose and one more
 FARTHEST_OFF_PX = 400.0  # beyond the frame: what lies farther off is not looked at
 CLEAR_PX = 14  # of ground that is taken for ground, about a plate
 
@@ -106,7 +107,7 @@ class Predictor:
     def __init__(self, problem, noise_of=()):
         self.problem = problem
         self.noise_of = frozenset(noise_of)
-        self._predictions, self._shown = Kept(KEPT), Kept(SCENES_KEPT)
+        self._predictions, self._shown, self._drawn = Kept(KEPT), Kept(SCENES_KEPT), Kept(DRAWN_KEPT)
 
     def predict(self, i, effects, pose):
         """Return the Prediction of capture i, pose and own numbers (6 + k,), by a twin of effects [(name, parameters)]."""
@@ -116,18 +117,20 @@ class Predictor:
     def shown(self, i, effects, pose):
         """Return the Shown of capture i."""
         key = i, pipeline.key_of(effects), pose.tobytes()
-        return self._shown.of(
-            key, lambda: Shown(self.problem, self.problem.captures[i], effects, pose, i in self.noise_of)
-        )
+        capture, with_noise = self.problem.captures[i], i in self.noise_of
+        return self._shown.of(key, lambda: Shown(self.problem, capture, effects, pose, with_noise, self._drawn))
 
 
 class Shown:
-    """The windows of one capture as a twin shows them, with all that a derivative needs."""
+    """The windows of one capture as a twin shows them, with all that a derivative needs.
 
-    def __init__(self, problem, capture, effects, pose, with_noise):
+    ``drawn`` keeps coverages for twins that draw alike in the same windows.
+    """
+
+    def __init__(self, problem, capture, effects, pose, with_noise, drawn):
         effects = problem.seen_with(effects, pose)
         self.problem, self.capture, self.effects, self.pose = problem, capture, effects, pose
-        self.with_noise, self._classes, self._numbers_here, self._drawn = with_noise, None, {}, {}
+        self.with_noise, self._classes, self._numbers_here, self._drawn = with_noise, None, {}, drawn
         self.codes, self.observation = problem.codes, capture.observation
         self.exact = problem.corners_of(capture, effects, pose)
         self.rims = problem.rims_of(effects)
@@ -168,14 +171,19 @@ class Shown:
         scene, _ = problem.scene_of(effects)
         prints = problem.prints_of(scene)
         spread = pipeline.light_spread(view, effects)
+        where = view.capture, self.pose.tobytes(), self.atlas.boxes.tobytes()
+        placed = pipeline.key_of([(n, p) for n, p in effects if library.places_light(n)])
         planes = []
         for channel in (0, 1, 2) if pipeline.is_chromatic(effects) else (1,):
             mapping = pipeline.point_map(view, effects, channel)
-            key = channel, prints, pipeline.key_of([(n, p) for n, p in effects if library.places_light(n)])
-            drawn = self._drawn.get(key) or (window_coverages(prints, view, self.atlas, mapping, spread), [])
-            if effects is self.effects:  # what a change draws is seen once
-                self._drawn[key] = drawn
-            covers, ground = drawn
+
+            def draw():
+                covers = window_coverages(prints, view, self.atlas, mapping, spread)  # noqa: B023
+                return [c.astype(np.float32) for c in covers], []
+
+            key = *where, channel, prints, placed
+            is_kept = effects is self.effects or key in self._drawn  # what a change draws is seen once
+            covers, ground = self._drawn.of(key, draw) if is_kept else draw()
             if not ground and (scene.light or scene.highlight):
                 ground.append(ground_seen_at(view, mapping, self.atlas.windows.x, self.atlas.windows.y))
             planes.append(shade(scene, view, *covers, ground[0] if ground else None))

@@ -16,6 +16,7 @@ from rig.plates import cell_rectangles, disc_changes
 EDGE_STEP_PX = 8.0  # edges bent by a lens are drawn in straight pieces no longer than this
 DISC_SAGITTA_PX = 0.002  # between a disc and the polygon of its area: under a grey level at the hardest edge
 FARTHEST_GROUND_M = 1e3
+GROUND_STEP_PX, GROUND_OFF_PX = 16, 1e-3  # of the grid on which a lens is inverted for the ground's light, and how well
 
 
 def rectangle_corners(rectangles):
@@ -226,29 +227,39 @@ def ground_points(view, map_points):
 
 
 def ground_seen_at(view, map_points, x, y):
-    """Return world x and y of the ground seen at frame pixels x, y (rows, columns) float32.
+    """Return world x and y (rows, columns) float32 of the ground seen at frame pixels x, y (rows, columns) float32.
 
-    A lens bends rays: its map is inverted on a coarse grid by fixed-point steps and interpolated.
+    A lens bends rays: its map is inverted on a coarse grid and interpolated.
     """
-    m, step = view.margin, 8
-    columns = np.arange(-m, view.width + m + step, step, dtype=float)
-    rows = np.arange(-m, view.height + m + step, step, dtype=float)
-    target = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
-    ideal = target.copy()
-    if map_points is not None:
-        for _ in range(8):
-            ideal += target - map_points(ideal)
-    ideal = ideal.reshape(len(rows), len(columns), 2)
-    at = [np.ascontiguousarray((c + np.float32(m)) / np.float32(step)) for c in (x, y)]
-    u, v = (
-        cv2.remap(ideal[..., k].astype(np.float32), *at, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        for k in (0, 1)
-    )
-    x, y = (u - view.K[0, 2]) / view.K[0, 0], (v - view.K[1, 2]) / view.K[1, 1]
+    at = [(c + np.float32(view.margin)) / np.float32(GROUND_STEP_PX) for c in (x, y)]
+    ideal = _ideal_grid(view, map_points)
+    u, v = (cv2.remap(ideal[..., k], *at, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for k in (0, 1))
+    (fx, _, cx), (_, fy, cy) = view.K[:2].tolist()
+    x, y = (u - cx) / fx, (v - cy) / fy
     R, t = view.T_cam_world[:3, :3], view.T_cam_world[:3, 3]
-    centre = -R.T @ t
-    along_x, along_y, along_z = (R[0, k] * x + R[1, k] * y + R[2, k] for k in range(3))
-    distance = np.full(x.shape, FARTHEST_GROUND_M)
+    centre, R = (-R.T @ t).tolist(), R.tolist()  # Python's numbers leave float32 what it is
+    along_x, along_y, along_z = (R[0][k] * x + R[1][k] * y + R[2][k] for k in range(3))
+    distance = np.full_like(x, FARTHEST_GROUND_M)
     down = along_z < -1e-6
     distance[down] = np.minimum(-centre[2] / along_z[down], FARTHEST_GROUND_M)
     return centre[0] + distance * along_x, centre[1] + distance * along_y
+
+
+def _ideal_grid(view, map_points):
+    """Return the ideal pixels (rows, columns, 2) float32 of image pixels GROUND_STEP_PX apart: a lens inverted by fixed-point
+    steps.
+    """
+    m, step = view.margin, GROUND_STEP_PX
+    columns = np.arange(-m, view.width + m + step, step, dtype=float)
+    rows = np.arange(-m, view.height + m + step, step, dtype=float)
+    grid = np.stack(np.meshgrid(columns, rows), axis=-1)
+    if map_points is None:
+        return grid.astype(np.float32)
+    target = grid.reshape(-1, 2)
+    ideal = target.copy()
+    for _ in range(8):
+        missing = target - map_points(ideal)
+        ideal += missing
+        if np.abs(missing).max() < GROUND_OFF_PX:
+            break
+    return ideal.reshape(grid.shape).astype(np.float32)
