@@ -111,6 +111,9 @@ def mean_of_clipped(levels, noise_dn):
     """
     if np.ndim(noise_dn) == 0 and noise_dn <= 0:
         return np.clip(levels, 0, 255)
+    reach = CLIPPED_SD * np.max(noise_dn)
+    if levels.min() >= reach and levels.max() <= 255 - reach:
+        return levels.copy()
     return _mean_of_clipped(np.ascontiguousarray(levels), np.broadcast_to(np.float32(noise_dn), levels.shape))
 
 
@@ -137,8 +140,10 @@ def look_up(values, table, low, high):
     out = np.empty_like(values)
     flat_in, flat_out = values.ravel(), out.ravel()
     last = table.shape[0] - 1
+    low, high = np.float32(low), np.float32(high)
+    per_step = np.float32(last) / (high - low)
     for i in range(flat_in.size):
-        t = (min(max(flat_in[i], low), high) - low) / (high - low) * last
-        k = min(int(t), last - 1)
-        flat_out[i] = table[k] + (t - k) * (table[k + 1] - table[k])
+        t = (min(max(flat_in[i], low), high) - low) * per_step
+        k = min(np.int32(t), np.int32(last - 1))
+        flat_out[i] = table[k] + (t - np.float32(k)) * (table[k + 1] - table[k])
     return out

@@ -164,6 +164,12 @@ def _mixed(below, above, share):
 
 
 @njit(cache=True, nogil=True)
+def _with_colour(below, above, more, share):
+    """Return the mean level of a channel that has more than either of two levels of brightness."""
+    return _mixed(_clipped(_clipped(below) + more), _clipped(_clipped(above) + more), share)
+
+
+@njit(cache=True, nogil=True)
 def _grey_decoded(both, share, shape):
     out = np.empty((*shape, 1), np.float32)
     for r in range(shape[0]):
@@ -200,14 +206,13 @@ def _decoded(y, cb, cr, side, shape):
                     _whole(green_of_blue * b1 + green_of_red * r1, even),
                     more_blue,
                 )
-                added = (
-                    _mixed(_whole(of_red * r0, even_red), _whole(of_red * r1, even_red), more_red),
-                    _mixed(low_red, high_red, more_red),
-                    _mixed(_whole(of_blue * b0, even_blue), _whole(of_blue * b1, even_blue), more_blue),
+                more = _mixed(_whole(of_red * r0, even_red), _whole(of_red * r1, even_red), more_red)
+                out[r, c, 0] = _with_colour(levels[0, r, c], levels[1, r, c], more, share)
+                out[r, c, 1] = _with_colour(
+                    levels[0, r, c], levels[1, r, c], _mixed(low_red, high_red, more_red), share
                 )
-                for k in range(3):
-                    below, above = _clipped(levels[0, r, c]) + added[k], _clipped(levels[1, r, c]) + added[k]
-                    out[r, c, k] = _mixed(_clipped(below), _clipped(above), share)
+                more = _mixed(_whole(of_blue * b0, even_blue), _whole(of_blue * b1, even_blue), more_blue)
+                out[r, c, 2] = _with_colour(levels[0, r, c], levels[1, r, c], more, share)
     return out
 
 
