@@ -254,8 +254,6 @@ def _pruned(search, base, twin, end):
     for name in sorted(_added(twin, base), key=lambda n: (end.evidence.get(n, np.inf), n)):
         if search.is_fixed(name) or search.problem.shows(name) or _is_clearly_needed(search, end, name):
             continue
-        if _leaves_much(search, end, name):
-            continue
         rest = _without(search, end, [name])
         if _is_clearly_more(rest.loss, end):
             continue
@@ -270,12 +268,6 @@ def _is_clearly_needed(search, end, name):
     """Return whether the second order alone says that an effect of a Descent is needed: a codec's steps make much of an image."""
     is_clear = end.evidence.get(name, np.inf) > CLEAR_EVIDENCE * MIN_GAIN
     return is_clear and (library.is_pure_geometry(name) or not _is_rough(search, end.state))
-
-
-def _leaves_much(search, end, name):
-    """Return whether taking an effect out of a Descent, the others following with its derivatives, leaves clearly more."""
-    rest = [e for e in end.state.effects if e[0] != name]
-    return _is_clearly_more(search.solver.followed(end, rest, search.free(rest)), end)
 
 
 def _is_clearly_more(loss, end):
@@ -381,9 +373,9 @@ def _fitted_in(search, twin, proposal):
 
 
 def _without(search, end, names):
-    """Return the Descent without some effects."""
+    """Return the Descent without some effects, the others following with its derivatives."""
     rest = [e for e in end.state.effects if e[0] not in names]
-    return short_fit(search, rest, end.state.poses, SCALE_FROM_NEAR)
+    return search.solver.followed(end, rest, search.free(rest))
 
 
 def _standing(search, base, end):

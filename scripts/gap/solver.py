@@ -235,16 +235,16 @@ class Solver:
             effects, poses = self.fit_geometry(effects, geometric, poses, self.no_offsets(), train, scale=scale)
         return self.descend(effects, free, poses, train, iterations)
 
-    def followed(self, end, effects, free, iterations=STALE_STEPS):
-        """Return the loss of a few of a Descent's captures where a list of effects takes its place and free parameters follow.
+    def followed(self, end, effects, free):
+        """Return the Descent in a Descent's captures where a list of effects takes its place and free parameters follow.
 
-        With derivatives as they were: no less than a fit's, at a small part of its cost.
+        With derivatives as they were: it leaves no less than a fit does, at a small part of its cost.
         """
         mine = [end.free.index(f) for f in free]
         derivatives = {i: (Jt[:, mine], Jp) for i, (Jt, Jp) in end.derivatives.items()}
         poses = end.state.poses
         groups = self.residuals_of(effects, poses, list(derivatives))
-        for _ in range(iterations):
+        for _ in range(STALE_STEPS):
             theta = np.array([get_parameter(effects, f) for f in free])
             width = width_of(groups)
             H, g, blocks = normal_equations(derivatives, groups, NU * width**2, prior_equations(effects, free))
@@ -255,7 +255,7 @@ class Solver:
                 break
             derivatives = updated(derivatives, groups, after, d, moved - poses, np.diag(H))
             effects, poses, groups = trial, moved, after
-        return total(groups, NU)
+        return Descent(State(effects, poses), tuple(free), groups, derivatives, False)
 
     def descend(self, effects, free, poses, train, iterations):
         """Return the Descent of the free parameters and the training captures' poses: a fit without errors, from where it is."""
