@@ -7,8 +7,10 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 from filelock import FileLock
 
+from kernels import njit
 from workflow_runs import PROJECT
 
 CALLER = """from kernels import njit
@@ -102,3 +104,13 @@ def test_all_compiled_code_is_kept_so():
     taking = [f for f in (PROJECT / "scripts").rglob("*.py") if "import njit" in f.read_text(encoding="utf-8")]
     numbas = {f.name for f in taking if "from numba import njit" in f.read_text(encoding="utf-8")}
     assert len(taking) > 15 and numbas == {"bundle_code.py"}
+
+
+def test_a_division_by_zero_is_numpys():
+    """Fails if kernels look for divisions by zero: their loops then do one number at a time."""
+
+    @njit()
+    def share(part, whole):
+        return part / whole
+
+    assert share(1.0, 0.0) == np.inf and np.isnan(share(0.0, 0.0))

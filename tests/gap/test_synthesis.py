@@ -12,7 +12,7 @@ from effects.encoding import mean_of_clipped
 from effects.filters import gaussian
 from gap.measure.capture import COARSE_TO_FINE, FINE, Codes, measure_plates, noise_amplification, states_at
 from gap.predict.raster import add_polygons, running_sums
-from gap.predict.synthesis import Prints, coverages, shade
+from gap.predict.synthesis import Prints, coverages, ground_seen_at, shade
 from gap.problem import code_corners_world, encoding_table
 from rig.geometry import project, station_pose
 from rig.plates import spread_ink
@@ -40,6 +40,19 @@ def test_levels_of_flats_are_the_nominal_ones():
     image = shade(scene, view, *coverages(Prints(scene.plates), view))
     assert np.isclose(image[-5, 5], 0.35) and np.isclose(image[0, 0], 0.3)
     assert np.isclose(image.max(), 0.8) and np.isclose(image.min(), 0.05, atol=0.02)
+
+
+def test_light_is_taken_where_a_bent_lens_sees_the_ground():
+    """Fails if a lens is not inverted for the ground's light, or so coarsely that light lies a millimetre off."""
+    _, view = scene_and_view()
+    view = View(**(view.__dict__ | {"T_cam_world": station_pose(0.5, 10)}))
+    lens = pipeline.point_map(view, [("radial_distortion", {"k1": -0.25, "k2": 0.05, "k3": 0.0})], 1)
+    x, y = np.meshgrid(np.linspace(-0.4, 0.4, 41), np.linspace(0.6, 1.4, 41))
+    seen = lens(project(view.K, view.T_cam_world, np.stack([x, y, 0 * x], -1)).reshape(-1, 2)).reshape(41, 41, 2)
+    inside = (seen >= 0).all(2) & (seen <= [view.width - 1, view.height - 1]).all(2)
+    ground = ground_seen_at(view, lens, *np.ascontiguousarray(np.moveaxis(seen, 2, 0), np.float32))
+    off = np.hypot(ground[0] - x, ground[1] - y)[inside]
+    assert inside.sum() > 100 and off.max() < 1e-3
 
 
 def test_the_fit_finds_projected_corners_of_its_own_synthesis_and_of_noise_its_standard_error():

@@ -5,6 +5,7 @@ import pytest
 from cases import generated_case
 
 from effects import library
+from gap.predict import predictor
 from gap.predict.predictor import Kept, Shown
 from gap.predict.windows import make_atlas
 
@@ -84,6 +85,18 @@ def test_what_a_change_draws_is_not_kept(case):
     for sigma_px in (0.8, 0.9):
         shown.change([("lens_blur", {"sigma_px": sigma_px, "softness": 1.0})])
     assert list(shown._drawn) == own
+
+
+def test_twins_that_draw_alike_are_drawn_once(case, monkeypatch):
+    """Fails if plates are drawn again for a twin that differs in its light or sensor alone, or not for one whose lens does."""
+    drawn, draw = [], predictor.window_coverages
+    monkeypatch.setattr(predictor, "window_coverages", lambda *given: drawn.append(given) or draw(*given))
+    kept, predict = [], case.predictor().predict
+    for name in ("exposure", "illumination_gradient", "radial_distortion"):
+        kept.append(predict(1, [(name, clear(name))], np.zeros(6)))
+        assert len(drawn) == (2 if name == "radial_distortion" else 1)
+    fresh = Shown(case, case.captures[1], [("exposure", clear("exposure"))], np.zeros(6), False, Kept(9)).prediction
+    np.testing.assert_array_equal(kept[0].features, fresh.features)
 
 
 def test_noise_follows_what_the_sensor_and_what_comes_after_it_do(case):

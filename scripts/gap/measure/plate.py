@@ -34,17 +34,12 @@ UNITS = ("px",) * 8 + ("dn",) * 5 + ("px2",) * 3 + ("1", "px", "px")
 @njit(cache=True, nogil=True)
 def homography(source, target):
     """Return the 3 x 3 homography that takes four points (4, 2) to four others."""
-    a = np.zeros((8, 8))
-    b = np.zeros(8)
-    for i in range(4):
-        x, y = source[i]
-        u, v = target[i]
-        a[2 * i] = np.array([x, y, 1, 0, 0, 0, -u * x, -u * y])
-        a[2 * i + 1] = np.array([0, 0, 0, x, y, 1, -v * x, -v * y])
-        b[2 * i] = u
-        b[2 * i + 1] = v
-    h = np.linalg.solve(a, b)
-    return np.array([[h[0], h[1], h[2]], [h[3], h[4], h[5]], [h[6], h[7], 1.0]])
+    a, b, out = np.zeros((8, 8)), np.empty(8), np.ones(9)
+    for i in range(8):
+        x, y, at, k = source[i // 2, 0], source[i // 2, 1], target[i // 2, i % 2], 3 * (i % 2)
+        a[i, k], a[i, k + 1], a[i, k + 2], a[i, 6], a[i, 7], b[i] = x, y, 1.0, -at * x, -at * y, at
+    out[:8] = np.linalg.solve(a, b)
+    return out.reshape(3, 3)
 
 
 @njit(cache=True, nogil=True)

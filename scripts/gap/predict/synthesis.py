@@ -16,7 +16,7 @@ from rig.plates import cell_rectangles, disc_changes
 EDGE_STEP_PX = 8.0  # edges bent by a lens are drawn in straight pieces no longer than this
 DISC_SAGITTA_PX = 0.002  # between a disc and the polygon of its area: under a grey level at the hardest edge
 FARTHEST_GROUND_M = 1e3
-GROUND_STEP_PX, GROUND_OFF_PX = 16, 1e-3  # of the grid on which a lens is inverted for the ground's light, and how well
+GROUND_STEP_PX, GROUND_OFF_PX = 8, 1e-3  # of the grid on which a lens is inverted for the ground's light, and how well
 
 
 def rectangle_corners(rectangles):
