@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from effects.base import Windows
 from gap.predict.raster import add_edge, running_sums
@@ -112,7 +113,7 @@ def _merged(boxes):
                     out[b, 3] - out[b, 1]
                 )
                 if (x1 - x0) * (y1 - y0) <= one:
-                    out[a] = np.array([x0, y0, x1, y1])
+                    out[a, 0], out[a, 1], out[a, 2], out[a, 3] = x0, y0, x1, y1
                     holder[holder == b] = a
                     alive[b], again = False, True
     number = np.cumsum(alive) - 1
@@ -120,17 +121,18 @@ def _merged(boxes):
 
 
 def _packed(sizes):
-    """Return (places (t, 2) column and row, (rows, columns)) of windows (t, 2) columns x rows, on shelves, the highest first."""
+    """Return (places (t, 2) column and row, (rows, columns)) of windows (t, 2) columns x rows, whole blocks: those of
+    the longest side first, each as far up as it goes.
+    """
     width = max(WIDTH_PX, *sizes[:, 0].tolist(), FRAME_COLUMNS) if len(sizes) else WIDTH_PX
-    places = np.zeros((len(sizes), 2), int)
-    column = row = shelf = 0
-    for k in sorted(range(len(sizes)), key=lambda k: (-sizes[k, 1], -sizes[k, 0], k)):
-        columns, rows = sizes[k]
-        if column + columns > width:
-            column, row, shelf = 0, row + shelf, 0
-        places[k] = column, row
-        column, shelf = column + columns, max(shelf, rows)
-    return places, (int(row + shelf), int(width))
+    places, filled = np.zeros((len(sizes), 2), int), np.zeros(width // BLOCK_PX, int)
+    for k in sorted(range(len(sizes)), key=lambda k: (-sizes[k].max(), k)):
+        blocks = sizes[k, 0] // BLOCK_PX
+        rows = sliding_window_view(filled, blocks).max(axis=1)
+        first = int(rows.argmin())
+        places[k] = first * BLOCK_PX, rows[first]
+        filled[first : first + blocks] = rows[first] + sizes[k, 1]
+    return places, (int(filled.max()), int(width))
 
 
 @njit(cache=True, nogil=True)
