@@ -38,6 +38,17 @@ def test_windows_lie_on_whole_blocks_and_hold_their_cores():
         np.testing.assert_array_equal(seen[atlas.core(k)], image[y0:y1, x0:x1])
 
 
+def test_many_windows_lie_close_and_apart():
+    """Fails if windows overlap where they are put together, or leave a seventh of the image empty: time goes by its pixels."""
+    rng = np.random.default_rng(3)
+    corner, size = rng.integers(0, (1800, 1000), (60, 2)), rng.integers(16, 120, (60, 2))
+    atlas = make_atlas(np.concatenate([corner, corner + size], axis=1), 4, (1920, 1120))
+    held = np.zeros(atlas.shape, int)
+    for x0, y0, x1, y1, column, row in np.unique(np.hstack([atlas.boxes, atlas.places]), axis=0):
+        held[row : row + y1 - y0, column : column + x1 - x0] += 1
+    assert held.max() == 1 and held.mean() > 0.85
+
+
 @pytest.mark.parametrize("name", sorted(library.available_effects()))
 def test_windows_show_what_the_frame_shows(case, name):
     """Fails if an effect looked farther than it says (``reach_px``), took a window's place for the frame's, or its light."""
