@@ -112,7 +112,7 @@ def mean_of_clipped(levels, noise_dn):
     if np.ndim(noise_dn) == 0 and noise_dn <= 0:
         return np.clip(levels, 0, 255)
     reach = CLIPPED_SD * np.max(noise_dn)
-    if levels.min() >= reach and levels.max() <= 255 - reach:
+    if levels.min(initial=255) >= reach and levels.max(initial=0) <= 255 - reach:
         return levels.copy()
     return _mean_of_clipped(np.ascontiguousarray(levels), np.broadcast_to(np.float32(noise_dn), levels.shape))
 

@@ -164,12 +164,6 @@ def _mixed(below, above, share):
 
 
 @njit(cache=True, nogil=True)
-def _with_colour(below, above, more, share):
-    """Return the mean level of a channel that has more than either of two levels of brightness."""
-    return _mixed(_clipped(_clipped(below) + more), _clipped(_clipped(above) + more), share)
-
-
-@njit(cache=True, nogil=True)
 def _grey_decoded(both, share, shape):
     out = np.empty((*shape, 1), np.float32)
     for r in range(shape[0]):
@@ -188,31 +182,29 @@ def _decoded(y, cb, cr, side, shape):
     of_red, of_blue, green_of_blue, green_of_red = TO_RGB[0, 2], TO_RGB[2, 1], TO_RGB[1, 1], TO_RGB[1, 2]
     out = np.empty((*shape, 3), np.float32)
     for r in range(shape[0]):
-        i = r // side
-        for block in range(-(-shape[1] // BLOCK)):
-            j = block * BLOCK // side
-            share, more_blue, more_red = upper[r // BLOCK, block], b_upper[i, j], r_upper[i, j]
-            even_blue, even_red = b_even[i, j], r_even[i, j]
-            even = even_blue * even_red
-            for c in range(block * BLOCK, min((block + 1) * BLOCK, shape[1])):
-                b0, b1, r0, r1 = blue[0, r, c], blue[1, r, c], red[0, r, c], red[1, r, c]
-                low_red = _mixed(
-                    _whole(green_of_blue * b0 + green_of_red * r0, even),
-                    _whole(green_of_blue * b1 + green_of_red * r0, even),
-                    more_blue,
-                )
-                high_red = _mixed(
-                    _whole(green_of_blue * b0 + green_of_red * r1, even),
-                    _whole(green_of_blue * b1 + green_of_red * r1, even),
-                    more_blue,
-                )
-                more = _mixed(_whole(of_red * r0, even_red), _whole(of_red * r1, even_red), more_red)
-                out[r, c, 0] = _with_colour(levels[0, r, c], levels[1, r, c], more, share)
-                out[r, c, 1] = _with_colour(
-                    levels[0, r, c], levels[1, r, c], _mixed(low_red, high_red, more_red), share
-                )
-                more = _mixed(_whole(of_blue * b0, even_blue), _whole(of_blue * b1, even_blue), more_blue)
-                out[r, c, 2] = _with_colour(levels[0, r, c], levels[1, r, c], more, share)
+        for c in range(shape[1]):
+            i, j = r // side, c // side
+            share, more_blue, more_red = upper[r // BLOCK, c // BLOCK], b_upper[i, j], r_upper[i, j]
+            even = b_even[i, j] * r_even[i, j]
+            b0, b1, r0, r1 = blue[0, r, c], blue[1, r, c], red[0, r, c], red[1, r, c]
+            low_red = _mixed(
+                _whole(green_of_blue * b0 + green_of_red * r0, even),
+                _whole(green_of_blue * b1 + green_of_red * r0, even),
+                more_blue,
+            )
+            high_red = _mixed(
+                _whole(green_of_blue * b0 + green_of_red * r1, even),
+                _whole(green_of_blue * b1 + green_of_red * r1, even),
+                more_blue,
+            )
+            added = (
+                _mixed(_whole(of_red * r0, r_even[i, j]), _whole(of_red * r1, r_even[i, j]), more_red),
+                _mixed(low_red, high_red, more_red),
+                _mixed(_whole(of_blue * b0, b_even[i, j]), _whole(of_blue * b1, b_even[i, j]), more_blue),
+            )
+            for k in range(3):
+                below, above = _clipped(levels[0, r, c]) + added[k], _clipped(levels[1, r, c]) + added[k]
+                out[r, c, k] = _mixed(_clipped(below), _clipped(above), share)
     return out
 
 

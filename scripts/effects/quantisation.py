@@ -107,7 +107,7 @@ def _beyond(d):
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _among_many(x, sd):
+def _rounded_in_noise(x, sd):
     """Return the mean of a number with noise of ``sd``, at least NOISY, rounded to a whole one.
 
     Of a rounding's error the first harmonic is left, sin(2 pi x) exp(-2 pi^2 sd^2) / pi.
@@ -128,8 +128,8 @@ def _rounded(x, sd):
     """
     nearest = np.floor(x + HALF)
     up, down = _beyond((HALF + nearest - x) / sd), _beyond((HALF + x - nearest) / sd)
-    few, many, noisy = nearest + up - down, _among_many(x, sd), np.float32(sd >= NOISY)
-    return few + noisy * (many - few), up + down + noisy * (HALF - up - down)
+    quiet, noisy, is_noisy = nearest + up - down, _rounded_in_noise(x, sd), np.float32(sd >= NOISY)
+    return quiet + is_noisy * (noisy - quiet), up + down + is_noisy * (HALF - up - down)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -141,7 +141,7 @@ def _quantise(values, step, sd, even):
     leap = np.float32(2) * (ONE - np.exp(np.float32(-2 * np.pi**2 / BLOCK**2) * step * step))
     if sd.min() >= NOISY * step:
         for k in range(len(values)):
-            values[k] = _among_many(values[k] / step, sd[k] / step) * step
+            values[k] = _rounded_in_noise(values[k] / step, sd[k] / step) * step
             even[k] *= ONE - leap * HALF * HALF
         return
     for k in range(len(values)):

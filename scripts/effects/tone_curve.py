@@ -73,5 +73,5 @@ def apply(image, view, p, rng):
     if not any(p[k] for k in LIFTS):
         return image  # not through a table
     bent = look_up(np.ascontiguousarray(image), curve(p).astype(np.float32), 0.0, 255.0)
-    is_beyond = rng is None and (image.min() < 0 or image.max() > 255)
+    is_beyond = rng is None and (image.min(initial=0) < 0 or image.max(initial=255) > 255)
     return bent + (image - np.clip(image, 0, 255)) if is_beyond else bent

@@ -206,7 +206,7 @@ class Case:
             self._geometry.clear()
         if self._geometry.get(place, (None,))[0] != key:
             covers = [c.astype(np.float32) for c in coverages(key[1], view, mapping, spread)]
-            self._geometry[place] = key, (*covers, [g.astype(np.float32) for g in ground_points(view, mapping)])
+            self._geometry[place] = key, (*covers, ground_points(view, mapping))
         return self._geometry[place][1]
 
     def image_of(self, radiance, capture, effects, delta, rng=None):

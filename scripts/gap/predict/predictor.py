@@ -6,7 +6,7 @@ A prediction depends on its arguments alone; what is kept of earlier ones only s
 import threading
 from collections import OrderedDict
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -176,11 +176,7 @@ class Shown:
         planes = []
         for channel in (0, 1, 2) if pipeline.is_chromatic(effects) else (1,):
             mapping = pipeline.point_map(view, effects, channel)
-
-            def draw():
-                covers = window_coverages(prints, view, self.atlas, mapping, spread)  # noqa: B023
-                return [c.astype(np.float32) for c in covers], []
-
+            draw = partial(self._covers, prints, view, mapping, spread)
             key = *where, channel, prints, placed
             is_kept = effects is self.effects or key in self._drawn  # what a change draws is seen once
             covers, ground = self._drawn.of(key, draw) if is_kept else draw()
@@ -188,6 +184,11 @@ class Shown:
                 ground.append(ground_seen_at(view, mapping, self.atlas.windows.x, self.atlas.windows.y))
             planes.append(shade(scene, view, *covers, ground[0] if ground else None))
         return np.stack(planes, axis=-1).astype(np.float32)
+
+    def _covers(self, prints, view, mapping, spread):
+        """Return (coverages of the windows by plates, black and sky, the ground that is seen there: none yet)."""
+        covers = window_coverages(prints, view, self.atlas, mapping, spread)
+        return [c.astype(np.float32) for c in covers], []
 
     def _numbers(self, name="fit noise"):
         seed = seed_of(self.problem.campaign, self.problem.camera, self.capture.view.capture, name)
