@@ -6,7 +6,7 @@ import pytest
 from stand_in_twins import base_twin
 
 from effects import library
-from gap import exchange, joint_way, undoing
+from gap import joint_way, undoing
 from gap.linear_model import Proposal
 
 NAMES = ["defocus", "denoising", "lens_blur", "sharpening", "tone_curve"]
@@ -25,16 +25,14 @@ def test_a_blur_and_the_sharpening_after_it_are_proposed_together(monkeypatch, l
     """
     fitted, start = [], library.starts_of("defocus")[1]
 
-    def short_fit(_, effects, poses, scale, moving):
-        fitted.append(moving)
+    def fitted_alone(_, effects, poses, names):
+        fitted.append(names)
         assert [n for n, _ in effects].count("sharpening") == 1
         left = loss if dict(effects).get("defocus") == start else 1200.0
         return SimpleNamespace(state=SimpleNamespace(effects=effects, poses=poses), loss=left)
 
-    monkeypatch.setattr(exchange, "short_fit", short_fit)
-    search = SimpleNamespace(
-        problem=SimpleNamespace(starts_of=library.starts_of), free=lambda effects: [n for n, _ in effects]
-    )
+    monkeypatch.setattr(undoing, "fitted_alone", fitted_alone)
+    search = SimpleNamespace(problem=SimpleNamespace(starts_of=library.starts_of))
     effects = [("tone_curve", {}), ("sharpening", {"amount": 0.01, "radius_px": 1.0})]
     end = SimpleNamespace(state=SimpleNamespace(effects=effects, poses=None), loss=1000.0)
     proposal = undoing.undoing(search, end, NAMES)
