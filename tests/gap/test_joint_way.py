@@ -309,6 +309,7 @@ def test_what_others_leave_with_old_derivatives_is_what_a_fit_leaves(coded):
         quick = joint_way._without(search, end, [name])
         full = short_fit(search, rest, end.state.poses, SCALE_FROM_NEAR, 9).loss
         assert 0.95 * (full - end.loss) < quick.loss - end.loss < 1.3 * (full - end.loss)
+        assert joint_way._is_clearly_more(quick.loss, end)
         assert [n for n, _ in quick.state.effects] == [n for n, _ in rest]
 
 

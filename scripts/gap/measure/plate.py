@@ -35,7 +35,7 @@ UNITS = ("px",) * 8 + ("dn",) * 5 + ("px2",) * 3 + ("1", "px", "px")
 def homography(source, target):
     """Return the 3 x 3 homography that takes four points (4, 2) to four others."""
     a, b, out = np.zeros((8, 8)), np.empty(8), np.ones(9)
-    for i in range(8):
+    for i in range(8):  # number by number: array literals take numba seconds to compile
         x, y, at, k = source[i // 2, 0], source[i // 2, 1], target[i // 2, i % 2], 3 * (i % 2)
         a[i, k], a[i, k + 1], a[i, k + 2], a[i, 6], a[i, 7], b[i] = x, y, 1.0, -at * x, -at * y, at
     out[:8] = np.linalg.solve(a, b)
