@@ -263,7 +263,7 @@ def looked_at(case, candidates):
     return [n for n in candidates if n not in why], why
 
 
-def ladder_twins(base, steps, ideal=0):
+def ladder_twins(base, steps, ideal):
     """Return [(effect, effects, poses)] of the ladder: the ideal twin, the effects as configured one by one, the steps.
 
     The first ``ideal`` effects of the base are fitted in every twin.

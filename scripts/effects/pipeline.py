@@ -21,6 +21,7 @@ from rig.errors import InputError
 GRID_STEP_PX = 8
 DIFFERENCE_PX = 0.01
 LONGEST_STEP_PX = 100.0
+NEWTON_STEPS = 20
 STRIDES = (1, 29, 53, 83, 113, 137)  # orders in which effects visit their parts, so that none follows another's
 SPARE_PX = 4  # what the interpolation needs beyond the last ray
 
@@ -153,13 +154,13 @@ def reach_px(chosen):
     return sum(module.reach_px(p) for module, p in active(chosen, "apply") if hasattr(module, "reach_px"))
 
 
-def inverse_points(xy, view, chosen, channel=1, iterations=20):
+def inverse_points(xy, view, chosen, channel=1):
     """Return the ideal pinhole pixels (n, 2) that land on image pixels xy, to 1e-6 px; Newton steps with differences.
 
     NaN where no step leads there: the pixel looks where the lens model has no rays.
     """
     ideal = np.array(xy, float)
-    for _ in range(iterations):
+    for _ in range(NEWTON_STEPS):
         landed = map_points(ideal, view, chosen, channel)
         error = xy - landed
         if np.nanmax(np.abs(error), initial=0.0) < 1e-6:

@@ -4,7 +4,6 @@ Both sets are fitted together, so that what the first leaves open is in both and
 them. ``changes`` is a function of its arguments alone.
 """
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +18,7 @@ from gap.parameters import fitted_parameters, image_step, spec
 from gap.permutation import MAX_DIRECTIONS, Moments, labellings, p_values
 from gap.problem import may_have
 from gap.residuals import NU, flatten, rho
+from gap.search import is_significant
 from gap.select_effects import is_flexible
 from gap.solver import Solver
 from gap.split import thinned
@@ -216,7 +216,11 @@ def ask(fit, twin, names, labels):
         effects=tuple((*e, *((n, library.nulls_of(n)) for n in names if n not in twin.names)) for e in twin.effects),
     )
     every = free + lacking
-    H, g = moments(fit, wider, every, start_step_of(twin.names))
+
+    def step(parameter, value):
+        return image_step(parameter, value) if parameter[0] in twin.names else start_step(parameter, value)
+
+    H, g = moments(fit, wider, every, step)
     parameters = slots.parameters()
     _, precision = ridge_of(parameters)
     expand = [np.zeros((len(parameters), len(every))) for _ in (0, 1)]
@@ -227,21 +231,11 @@ def ask(fit, twin, names, labels):
     found, evidence = {}, []
     for n in names:
         mine = np.array([every.index(f) for f in columns[n]])
-        own = np.zeros((len(fit.indices), 0)) if n in twin.names else np.ones((len(fit.indices), 1))
-        gain, e = made.asked(mine, own, labels)
+        gain, e = made.asked(mine, n not in twin.names, labels)
         evidence.append(e)
         found[n] = Asked(tuple(columns[n]), float(gain[0]), np.nan)
     p = p_values(np.array(evidence))
     return {n: replace(a, p=float(p[k])) for k, (n, a) in enumerate(found.items())}
-
-
-def start_step_of(has):
-    """Return the steps of derivatives by images: towards a start where a twin lacks the effect."""
-
-    def step(parameter, value):
-        return image_step(parameter, value) if parameter[0] in has else start_step(parameter, value)
-
-    return step
 
 
 def named(fit, twin, asked):
@@ -286,11 +280,10 @@ def with_own(fit, twin, name):
 
 
 def matters(name, twin):
-    """Return whether an effect differs between the sets by more than is worth naming; its waves together, of a free warp."""
+    """Return whether an effect differs between the sets by more than is worth naming."""
     before, after = (dict(e)[name] for e in twin.effects)
-    acting = {k: p for k, p in library.parameters_of(name).items() if not p.auxiliary}
-    sizes = [abs(after[k] - before[k]) / p.matters for k, p in acting.items()]
-    return (math.hypot(*sizes) if is_flexible(name) else max(sizes)) > 1
+    nulls = library.nulls_of(name)
+    return is_significant(name, {k: nulls[k] + after[k] - before[k] for k in nulls}, {})
 
 
 def explains_alike(other, best):

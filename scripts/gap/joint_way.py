@@ -255,8 +255,8 @@ def _pruned(search, base, twin, end):
         if search.is_fixed(name) or search.problem.shows(name) or _is_clearly_needed(search, end, name):
             continue
         rest = _without(search, end, [name])
-        if _is_clearly_more(rest.loss, end):
-            continue
+        if _is_clear(end, name) and _is_clearly_more(rest.loss, end):
+            continue  # else others make up for it, though not as far as old derivatives lead
         rest = short_fit(search, rest.state.effects, rest.state.poses, SCALE_FROM_NEAR, FIRST_ITERATIONS)
         without = _standing(search, base, rest)
         if is_as_good(without, twin) or (_is_rough(search, twin) and _leaves_as_little(without, twin)):
@@ -266,8 +266,12 @@ def _pruned(search, base, twin, end):
 
 def _is_clearly_needed(search, end, name):
     """Return whether the second order alone says that an effect of a Descent is needed: a codec's steps make much of an image."""
-    is_clear = end.evidence.get(name, np.inf) > CLEAR_EVIDENCE * MIN_GAIN
-    return is_clear and (library.is_pure_geometry(name) or not _is_rough(search, end.state))
+    return _is_clear(end, name) and (library.is_pure_geometry(name) or not _is_rough(search, end.state))
+
+
+def _is_clear(end, name):
+    """Return whether taking an effect of a Descent out costs, to second order, what no refit makes up for."""
+    return end.evidence.get(name, np.inf) > CLEAR_EVIDENCE * MIN_GAIN
 
 
 def _is_clearly_more(loss, end):

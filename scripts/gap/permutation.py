@@ -40,12 +40,11 @@ class Moments:
     g: np.ndarray
     precision: np.ndarray
 
-    def about(self, mine, own):
+    def about(self, mine, also_common):
         """Return (H (n, a, a), g (n, a), k): common entries and, last, k directions of what the parameters ``mine`` may do.
 
-        Directions tell alike much in all captures together, and of many parameters only those that tell most are kept.
-        Common is as well what ``own`` (n, r) times these directions makes: 1 a value of theirs in all captures, a covariate
-        what they seem to be by a capture's pose.
+        Directions tell alike much in all captures together, and of many parameters only those that tell most are kept. They are
+        common entries as well where they are ``also_common``: a value that all captures may have.
         """
         s = len(self.precision)
         about = self.H.sum(0)[np.ix_(s + mine, s + mine)]
@@ -54,20 +53,19 @@ class Moments:
         told, basis = told[-MAX_DIRECTIONS:], basis[:, -MAX_DIRECTIONS:]
         pick = np.zeros((len(told), self.H.shape[1]))
         pick[:, s + mine] = (basis / np.sqrt(told + RIDGE)).T / scale
-        rows = [pick * w for w in (*own.T[:, :, None, None], np.ones((len(own), 1, 1)))]
-        D = np.concatenate([np.tile(np.eye(s, self.H.shape[1]), (len(own), 1, 1)), *rows], axis=1)
-        return D @ self.H @ D.transpose(0, 2, 1), np.einsum("nab,nb->na", D, self.g), len(pick)
+        D = np.concatenate([np.eye(s, self.H.shape[1]), *[pick] * (1 + also_common)])
+        return D @ self.H @ D.T, self.g @ D.T, len(pick)
 
-    def asked(self, mine, own, labels):
+    def asked(self, mine, also_common, labels):
         """Return (gain (m,), evidence (m,)) of a change of parameters under labellings (m, n) of the captures.
 
         gain is the loss that the second set's difference from the first explains to first order. evidence is Hotelling's
         statistic of that difference against the scatter of captures within the sets, its cube root in standard deviations
-        over the labellings, so that effects of few and of many parameters compare. ``mine`` and ``own`` as in ``about``.
+        over the labellings, so that effects of few and of many parameters compare. ``mine`` and ``also_common`` as in ``about``.
         Sources: C. R. Rao's score test (1948); H. Hotelling, "The generalization of Student's ratio" (1931), its covariance
         shrunk as by O. Ledoit and M. Wolf (2004); E. B. Wilson and M. M. Hilferty, "The distribution of chi-square" (1931).
         """
-        H, g, k = self.about(mine, own)
+        H, g, k = self.about(mine, also_common)
         n, a = g.shape
         c, J = slice(0, a - k), slice(a - k, a)
         ridge = np.concatenate([self.precision, np.full(a - k - len(self.precision), RIDGE)])

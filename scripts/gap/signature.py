@@ -29,7 +29,7 @@ from gap.measure.capture import (
 from gap.measure.plate import FEATURES, N_STATE
 from gap.measure.regions import BLACK as BLACK_PIXELS
 from gap.measure.regions import WHITE as WHITE_PIXELS
-from gap.measure.regions import _structure
+from gap.measure.regions import structure
 from gap.predict.windows import FRAME_COLUMNS, FRAME_ROWS, make_atlas
 
 EDGES = ("spread_x", "spread_y", "spread_xy", "overshoot", "ink")
@@ -199,7 +199,8 @@ class Photograph:
         if found:
             features, colours = (np.array(v) for v in zip(*found, strict=True))
             signs |= self._of_edges(features) | self._of_light(features, colours)
-        signs |= self._of_sharpness(grey) | self._of_noise(grey, levels) | self._of_blocks(grey)
+        pairs, *_ = structure(grey.astype(np.float64), self._classes)
+        signs |= self._of_sharpness(grey, pairs) | self._of_noise(levels, pairs) | self._of_blocks(grey)
         return np.array([signs[name] for name in SIGNS])
 
     def _measured(self, grey, levels, k, i):
@@ -261,15 +262,15 @@ class Photograph:
             out[name] = (part * places).sum() / ((places**2).sum() + SPARE * len(places))
         return out
 
-    def _of_sharpness(self, grey):
+    def _of_sharpness(self, grey, pairs):
         cores = [grey[self.atlas.core(k)].astype(float) for k in range(len(self.plates))]
-        noise = self._noise_in(grey, np.concatenate([c.ravel() for c in cores] or [np.zeros(1)]))
+        noise = self._noise_in(grey, pairs, np.concatenate([c.ravel() for c in cores] or [np.zeros(1)]))
         x, y, down, up = (_fineness(cores, step, noise) for step in ((1, 0), (0, 1), *TURNS))
         return {"fine_x": x, "fine_y": y, "fine_turn": down - up}
 
-    def _noise_in(self, grey, levels):
+    def _noise_in(self, grey, pairs, levels):
         """Return what neighbours among ``levels`` (n,) differ by for noise, squared: it goes from black's to white's by level."""
-        flats = _structure(grey.astype(np.float64), self._classes)[0][[BLACK_PIXELS, WHITE_PIXELS], :4]
+        flats = pairs[[BLACK_PIXELS, WHITE_PIXELS], :4]
         black, white = flats[:, ::2].sum(1) / np.maximum(flats[:, 1::2].sum(1), 1)
         low, high = (
             np.mean(grey[self._classes == k]) if (self._classes == k).any() else 0.0
@@ -278,9 +279,8 @@ class Photograph:
         share = np.mean(np.clip((levels - low) / (high - low), 0, 1)) if high > low else 0.5
         return black + share * (white - black)
 
-    def _of_noise(self, grey, levels):
-        sums = _structure(grey.astype(np.float64), self._classes)[0]
-        white, black = sums[WHITE_PIXELS], sums[BLACK_PIXELS]
+    def _of_noise(self, levels, pairs):
+        white, black = pairs[WHITE_PIXELS], pairs[BLACK_PIXELS]
         out = {}
         for name, of in (("noise_white", white), ("noise_black", black)):
             n = of[1] + of[3]
@@ -292,7 +292,7 @@ class Photograph:
             out["noise_coarse"] = _log(d2x + d2y) - _log(d1x + d1y)
             if levels.shape[2] > 1:
                 colour = np.ascontiguousarray(levels[..., 0] - levels[..., 2], np.float64)
-                of = _structure(colour, self._classes)[0][[WHITE_PIXELS, BLACK_PIXELS]].sum(0)
+                of = structure(colour, self._classes)[0][[WHITE_PIXELS, BLACK_PIXELS]].sum(0)
                 out["noise_colour"] = _log((of[0] + of[2]) / (of[1] + of[3])) - _log(d1x + d1y)
         return out
 

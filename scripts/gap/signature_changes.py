@@ -14,6 +14,7 @@ from effects import library
 from gap.changes import MAX_GROUP, MAX_P, MIN_CAPTURES
 from gap.parameters import spec
 from gap.permutation import labellings
+from gap.search import is_significant
 from gap.signature import NOISE, OF_CODEC, OF_LIGHT, SIGNS
 from gap.split import thinned
 from job import seed_of
@@ -298,16 +299,9 @@ def refined(trial, layer, comparison):
 
 
 def _refined_ones(trials, layers, comparison):
-    """Return those of some Trials, refined, whose effects matter."""
-    return [t for t in (refined(t, layers[t.less], comparison) for t in trials) if matters(t)]
-
-
-def matters(trial):
-    """Return whether an effect does more than is worth naming."""
-    acting = {k: spec((trial.effect, k)) for k in library.parameters_of(trial.effect)}
-    return any(
-        abs(trial.parameters[k] - s.null) > s.matters for k, s in acting.items() if not (s.auxiliary or s.is_choice)
-    )
+    """Return those of some Trials, refined, whose effects do more than is worth naming."""
+    fitted = [refined(t, layers[t.less], comparison) for t in trials]
+    return [t for t in fitted if is_significant(t.effect, t.parameters, {})]
 
 
 def why_not_comparable(before, after):

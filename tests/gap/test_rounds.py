@@ -4,14 +4,16 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
+from cases import case_of_several
 from stand_in_twins import base_twin, standing_with
 
 from effects import library
 from gap import exchange, joint_way
-from gap.exchange import from_best_starts, with_best_starts
+from gap.exchange import from_best_starts, short_fit, with_best_starts
 from gap.joint_way import all_at_once
 from gap.linear_model import Proposal
 from gap.outcome import Selection
+from gap.search import SCALE_FROM_NEAR, SCALE_FROM_START, Search
 
 
 def found_in_rounds(monkeypatch, one_round, selected, first):
@@ -234,3 +236,16 @@ def test_what_a_round_fits_further_stays_though_nothing_new_does(monkeypatch, cl
     monkeypatch.setattr(joint_way, "_closes_enough", lambda *_: closes)
     there, at, _, went = joint_way._round(None, base_twin(), here, Proposal([new], {"motion_blur": []}))
     assert (there and there.names, at, went) == ((["defocus"], rest, {"motion_blur"}) if closes else (None,) * 3)
+
+
+def test_what_a_curve_makes_up_for_from_afar_goes(tmp_path):
+    """Fails if an exposure and a print that a curve was fitted to undo stay, as old derivatives do not lead it back so far."""
+    case = case_of_several(tmp_path, ["lens_blur", "tone_curve"], size="small")
+    search, hidden = Search(case), [(n, case.starts_of(n)[0]) for n in ("lens_blur", "tone_curve")]
+    needless = [("exposure", {"scale": 1.08}), ("ink_reflectance", {"white_change": -0.03, "black_change": 0.02})]
+    poses, own = case.start_poses(), search.free(hidden)
+    end = short_fit(search, [*needless, *hidden], poses, SCALE_FROM_START, 12, own)
+    end = short_fit(search, end.state.effects, end.state.poses, SCALE_FROM_NEAR, 1)
+    base = search.fitted([])
+    kept, _ = joint_way._pruned(search, base, joint_way._standing(search, base, end), end)
+    assert kept.names == ["lens_blur", "tone_curve"]

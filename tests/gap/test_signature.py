@@ -69,7 +69,7 @@ def test_what_was_laid_on_is_named_with_its_size(before, name, laid, parameter, 
 
 def test_what_is_too_small_for_a_name_leaves_it_to_the_next(before, monkeypatch):
     """Fails if a blur has no name because another effect, too small to matter, explains it a little better."""
-    monkeypatch.setattr(gap.signature_changes, "matters", lambda trial: trial.effect != "lens_blur")
+    monkeypatch.setattr(gap.signature_changes, "is_significant", lambda effect, *_: effect != "lens_blur")
     found, _ = signature_changes(before, after({"lens_blur": {"sigma_px": 1.2}}), ["lens_blur", "defocus"], "c")
     assert [c.effect for c in found] == ["defocus"]
 

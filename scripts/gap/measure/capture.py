@@ -257,7 +257,7 @@ def horizon_rows(view):
     return np.clip(rows, -1e6, 1e6)
 
 
-def classify_flats(shape, corners, measured, outlines, view, codes, band=30.0):
+def classify_flats(shape, corners, measured, outlines, view, codes):
     """Return the class of each pixel (H, W); plates that were not measured are left out by their outlines (p, 4, 2)."""
     outlines = outlines[~measured]
     outlines = outlines[np.isfinite(outlines).all((1, 2))]
@@ -265,7 +265,7 @@ def classify_flats(shape, corners, measured, outlines, view, codes, band=30.0):
     boxes = np.clip(boxes, -1e6, 1e6)
     return flat_classes(
         shape, np.nan_to_num(np.ascontiguousarray(corners)), measured, codes.half_code, codes.half_plate,
-        codes.all_rectangles, codes.first, boxes, horizon_rows(view), band,
+        codes.all_rectangles, codes.first, boxes, horizon_rows(view),
     )  # fmt: skip
 
 

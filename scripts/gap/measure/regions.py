@@ -10,6 +10,7 @@ GROUND, WHITE, BLACK, SKY = 1, 2, 3, 4
 FIELD_COLUMNS, FIELD_ROWS = 8, 5
 REGION_SIDE_PX = 16  # of the squares that are looked at: whole blocks of 16, less 8 on each side
 REGION_EDGE_PX = 8
+HORIZON_BAND_PX = 30
 BLOCK_PX = 16
 LARGEST_PX = 900
 FEWEST_PX = 200
@@ -65,20 +66,20 @@ def _classify_plate(out, corners, half_code, half_plate, rectangles):
 
 
 @njit(cache=True, nogil=True)
-def flat_classes(shape, corners, measured, half_code, half_plate, rectangles, first, boxes, horizon, band):
+def flat_classes(shape, corners, measured, half_code, half_plate, rectangles, first, boxes, horizon):
     """Return the class of each pixel (0: not flat), uint8 of ``shape``.
 
     corners (p, 4, 2) of the code and whether they were measured (p,); rectangles of all plates (n, 4), those of
-    plate i are ``first[i]:first[i+1]``; boxes (q, 4) to leave out; horizon (W,) its row in each column, ``band``
-    rows about it are left out.
+    plate i are ``first[i]:first[i+1]``; boxes (q, 4) to leave out; horizon (W,) its row in each column, about
+    which some are left out.
     """
     h, w = shape
     out = np.ones((h, w), np.uint8)
     for c in range(w):
         for r in range(h):
-            if r < horizon[c] - band:
-                out[r, c] = 4
-            elif r <= horizon[c] + band:
+            if r < horizon[c] - HORIZON_BAND_PX:
+                out[r, c] = SKY
+            elif r <= horizon[c] + HORIZON_BAND_PX:
                 out[r, c] = 0
     for i in range(boxes.shape[0]):
         x0, y0, x1, y1 = boxes[i]
@@ -92,8 +93,8 @@ def flat_classes(shape, corners, measured, half_code, half_plate, rectangles, fi
 
 
 @njit(cache=True, nogil=True)
-def _structure(image, classes):
-    """Return sums over pairs of equal class: see the caller."""
+def structure(image, classes):
+    """Return sums over pairs of equal class in an image (rows, columns): (of each class, by steps of 8, of fourth powers)."""
     h, w = image.shape
     sums = np.zeros((5, 8))  # per class: d1x^2, n, d1y^2, n, d2x^2, n, d2y^2, n
     blocks = np.zeros((4, 2))  # at x multiples of 8, elsewhere, the same in y: sum, n
@@ -168,7 +169,7 @@ def noise_features(green, red, blue, classes, ground):
     regions that are ground alone. Variances are those of differences of
     neighbours, halved, in squared grey levels; logarithms are natural.
     """
-    sums, blocks, fourth = _structure(green, classes)
+    sums, blocks, fourth = structure(green, classes)
     stripes = _stripes(green, ground)
     values, errors = np.full(len(NOISE_FEATURES), np.nan), np.full(len(NOISE_FEATURES), np.nan)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -194,7 +195,7 @@ def noise_features(green, red, blue, classes, ground):
                 values[10 + i] = _log_ratio(stripes[i, 0] / stripes[i, 1], 2 * (d1y, d1x)[i][g])
                 errors[10 + i] = np.sqrt(3 / stripes[i, 1])
         if red is not None:
-            colour, _, _ = _structure(red - blue, classes)
+            colour, _, _ = structure(red - blue, classes)
             per_pair = (colour[g, 0] + colour[g, 2]) / (colour[g, 1] + colour[g, 3]) / 2
             values[12] = _log_ratio(per_pair, 2 * np.exp(values[0]))
             errors[12] = np.sqrt(6 / n[g])
