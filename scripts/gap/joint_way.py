@@ -256,7 +256,7 @@ def _pruned(search, base, twin, end):
             continue
         rest = _without(search, end, [name])
         if _is_clear(end, name) and _is_clearly_more(rest.loss, end):
-            continue  # else others make up for it, though not as far as old derivatives lead
+            continue  # else others make up for it to second order: old derivatives may not lead there
         rest = short_fit(search, rest.state.effects, rest.state.poses, SCALE_FROM_NEAR, FIRST_ITERATIONS)
         without = _standing(search, base, rest)
         if is_as_good(without, twin) or (_is_rough(search, twin) and _leaves_as_little(without, twin)):
