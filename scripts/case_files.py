@@ -9,7 +9,7 @@ import numpy as np
 
 from effects import library
 from effects.base import View
-from gap.board import board_case, local_noise_px
+from gap.board import board_case, local_noise_px, without_alternation
 from gap.measure.capture import Codes, Observation, read_rgb
 from gap.measure.plate import N_FEATURES
 from gap.photographs import photographs_case
@@ -29,6 +29,7 @@ from rig.geometry import camera_matrix, make_pose, perturb_pose
 from rig.patches import board_patches
 
 MIN_PATCHES, PATCHES = 4, 6  # of a photograph, that say something of it; that its signature is measured in
+CHECKERED = ("chessboard", "charuco")  # boards whose points are corners of squares
 SIGMA_OWN = 1.0  # of a capture's own exposure, gains and slopes of light (1/m) about their null
 OBSERVED = (
     "features",
@@ -117,6 +118,8 @@ def load_measured(expand, register_json, camera, observations):
             for v, xy, k, ok in zip(views, pixels, seen, usable, strict=True)
         ]
     pixels = np.where(usable[:, None, None], pixels, np.nan)
+    if facts["target"]["type"] in CHECKERED:
+        pixels = without_alternation(points, pixels, facts["target"]["square_m"])
     row = tables.read_table(Path(expand) / "cameras.csv", tables.CAMERAS).set_index("camera").loc[camera]
     noise_px = local_noise_px(points, without_lens(pixels, register_json))
     given = np.isfinite(row.fx), sigma_pose

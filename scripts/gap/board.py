@@ -119,26 +119,40 @@ def observation_of(pixels, noise_px):
 def local_noise_px(points, pixels):
     """Return the standard deviation per axis of a board's points (views, p, 2) about a smooth map of each view, pixels.
 
-    points (p, 3), metres; pixels NaN where a point is not seen. A cubic polynomial in the coordinates that a homography
-    predicts takes up pose, paper and what a lens leaves; the rest is noise.
+    points (p, 3), metres; pixels NaN where a point is not seen.
     """
     squares, freedom = 0.0, 0
-    for xy in pixels:
-        seen = np.isfinite(xy).all(1)
-        if seen.sum() >= FEWEST_POINTS:
-            terms = _cubic_terms(points[seen], xy[seen])
-            residual = xy[seen] - terms @ np.linalg.lstsq(terms, xy[seen], rcond=None)[0]
-            deviation = 1.4826 * np.median(np.abs(residual - np.median(residual, 0)), axis=0)
-            squares += (deviation**2).mean() * seen.sum()
-            freedom += seen.sum() - terms.shape[1]
+    for _, _, residual, terms in _about_smooth_maps(points, pixels):
+        deviation = 1.4826 * np.median(np.abs(residual - np.median(residual, 0)), axis=0)
+        squares += (deviation**2).mean() * len(residual)
+        freedom += len(residual) - terms
     return max(float(np.sqrt(squares / freedom)) if freedom else USUAL_NOISE_PX, SMALLEST_NOISE_PX)
 
 
-def _cubic_terms(points, pixels):
-    """Return the terms (n, 10) of a cubic polynomial in where a homography has points (n, 3), near their pixels (n, 2)."""
-    H, _ = cv2.findHomography(points[:, :2], pixels)
-    mapped = cv2.perspectiveTransform(points[None, :, :2], H)[0]
-    return polynomial_terms((mapped - mapped.mean(0)) / max(mapped.std(), 1e-9), 3)
+def without_alternation(points, pixels, square_m):
+    """Return pixels (views, p, 2) of a checkerboard's corners less what they alternate by from square to square in each view.
+
+    A finder puts corners of a blurred image to opposite sides by where their black lies; no lens, paper or pose does that.
+    """
+    sign = 1 - 2 * (np.rint((points[:, :2] - points[0, :2]) / square_m).sum(1, keepdims=True) % 2)
+    pixels = pixels.copy()
+    for k, seen, residual, _ in _about_smooth_maps(points, pixels):
+        pixels[k, seen] -= sign[seen] * np.median(sign[seen] * residual, axis=0)
+    return pixels
+
+
+def _about_smooth_maps(points, pixels):
+    """Yield (index, seen (p,), pixels about a smooth map (n, 2), its terms' number) of each view of points that shows enough.
+
+    A cubic polynomial in the coordinates that a homography predicts takes up pose, paper and what a lens leaves.
+    """
+    for k, xy in enumerate(pixels):
+        seen = np.isfinite(xy).all(1)
+        if seen.sum() >= FEWEST_POINTS:
+            H, _ = cv2.findHomography(points[seen, :2], xy[seen])
+            mapped = cv2.perspectiveTransform(points[None, seen, :2], H)[0]
+            terms = polynomial_terms((mapped - mapped.mean(0)) / max(mapped.std(), 1e-9), 3)
+            yield k, seen, xy[seen] - terms @ np.linalg.lstsq(terms, xy[seen], rcond=None)[0], terms.shape[1]
 
 
 def polynomial_terms(xy, order):

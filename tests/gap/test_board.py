@@ -5,14 +5,16 @@ import json
 from dataclasses import replace
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 
-from case_files import save_points, without_lens
+from case_files import load_measured, save_points, without_lens
 from effects import library, pipeline
 from effects.base import Scene, View
+from expand_tables import expand_tables
 from gap import search, select_effects, standing, whole_lens
-from gap.board import board_case, local_noise_px, scales_alone, seen_by_points
+from gap.board import board_case, local_noise_px, scales_alone, seen_by_points, without_alternation
 from gap.derivatives import flat
 from gap.select_effects import verdict
 from gap.whole_lens import left_out_px, whole_lens_record, with_whole_lens
@@ -24,6 +26,16 @@ NOISE_PX = 0.1
 SIZE = (640, 480)
 FOCAL_PX = 600.0
 POINTS = np.array([[x, y, 0.0] for y in range(6) for x in range(9)]) * 0.025
+INTRINSICS = {"fx": FOCAL_PX, "fy": FOCAL_PX, "cx": 319.5, "cy": 239.5}
+CAMPAIGN = """schema: 1
+name: c
+origin: camera
+target: {type: %s, columns: 9, rows: 6}
+captures: captures.csv
+cameras:
+  c: {width: 640, height: 480, fx: 600, fy: 600, cx: 319.5, cy: 239.5}
+encoding: srgb
+"""
 COMPETING = ["radial_distortion", "principal_point", "tangential_distortion", "rolling_shutter"]
 OUT_OF_PLACE = np.array([0.05, -0.03, 0.02, 0.002, 0.003, 0.02])  # of poses from which fits start, rad and m
 
@@ -151,11 +163,51 @@ def test_the_floor_is_the_noise_whatever_the_lens(calibrated, tmp_path):
     """Fails if a wide lens's own bend counts as noise, or degrees of freedom are forgotten."""
     lens = {"k1": -0.5, "k2": 1.5, "p1": 0.0, "p2": 0.0, "k3": -2.0}
     hidden = [("radial_distortion", {k: lens[k] for k in ("k1", "k2", "k3")})] if calibrated else []
-    fit = {"parameters": {"fx": FOCAL_PX, "fy": FOCAL_PX, "cx": 319.5, "cy": 239.5} | lens}
+    fit = {"parameters": INTRINSICS | lens}
     (tmp_path / "r.json").write_text(json.dumps({"calibrations": {"5": fit} if calibrated else {}}))
     _, pixels = photographs(hidden, number=60)
     found = local_noise_px(POINTS, without_lens(pixels, tmp_path / "r.json"))
     assert found == pytest.approx(NOISE_PX, rel=0.06)
+
+
+ALTERNATING = np.where((np.arange(len(POINTS)) // 9 + np.arange(len(POINTS)) % 9) % 2, 1, -1)[:, None] * [
+    0.4,
+    -0.3,
+]  # pixels
+
+
+def test_what_corners_alternate_by_is_taken_out_of_each_photograph():
+    """Fails if what a finder makes of blur stays, a wrong corner says how much that is, or a lens or paper goes along."""
+    _, pixels = photographs([("radial_distortion", {"k1": -0.2, "k2": 0.05, "k3": 0.0})], number=20, bend_px=1.0)
+    moved = pixels + ALTERNATING * np.linspace(-1, 1, len(pixels))[:, None, None]
+    cleaned = without_alternation(POINTS, moved, 0.025)
+    assert np.nanmax(np.abs(cleaned - pixels)) < 0.1 < 0.4 < np.nanmax(np.abs(moved - pixels))
+    noise_px, with_it = local_noise_px(POINTS, pixels), local_noise_px(POINTS, moved)
+    assert local_noise_px(POINTS, cleaned) == pytest.approx(noise_px, rel=0.05) and with_it > 1.7 * noise_px
+    moved[np.arange(len(moved)), np.isfinite(moved).all(2).argmax(1)] += 30.0
+    off = np.sort(np.abs(without_alternation(POINTS, moved, 0.025) - pixels), axis=None)
+    assert off[np.isfinite(off)][: -2 * len(moved)].max() < 0.3
+
+
+@pytest.mark.parametrize(
+    "board", ["chessboard, square_m: 0.025", "aruco_grid, dictionary: DICT_4X4_100, marker_m: 0.02, gap_m: 0.01"]
+)
+def test_only_corners_of_squares_alternate(board, tmp_path):
+    """Fails if a checkerboard's corners keep what they alternate by when its files are read, or a marker's lose it."""
+    views, pixels = photographs(noise_px=0.02)
+    rows = ["capture,camera,image"]
+    for view in views:
+        cv2.imwrite(str(tmp_path / f"{view.capture}.png"), np.zeros((SIZE[1], SIZE[0]), np.uint8))
+        rows.append(f"{view.capture},c,{view.capture}.png")
+    (tmp_path / "captures.csv").write_text("\n".join(rows) + "\n")
+    (tmp_path / "campaign.yaml").write_text(CAMPAIGN % board)
+    expand_tables(tmp_path, None, "c", tmp_path / "expand")
+    (tmp_path / "r.json").write_text(json.dumps(INTRINSICS | {"calibrations": {}}))
+    found = [SimpleNamespace(board=POINTS, image=xy) for xy in pixels + ALTERNATING]
+    with open(tmp_path / "o.npz", "wb") as file:
+        save_points(file, found, USUAL)
+    case = load_measured(tmp_path / "expand", tmp_path / "r.json", "c", tmp_path / "o.npz")
+    assert (case.noise_px > 0.1) == board.startswith("aruco_grid")
 
 
 def test_points_have_the_derivatives_of_their_maps():
