@@ -35,7 +35,6 @@ OBSERVED = (
     "features",
     "information",
     "measured",
-    "misfit",
     "colour",
     "field",
     "field_n",

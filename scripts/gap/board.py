@@ -111,9 +111,7 @@ def observation_of(pixels, noise_px):
     p, none = len(pixels), np.zeros(0)
     information = np.tile(np.eye(2) / noise_px**2, (p, 1, 1))
     measured = np.isfinite(pixels).all(1)
-    return Observation(
-        pixels, information, measured, np.full(p, np.nan), np.zeros((p, 0)), np.zeros((0, 4), int), *[none] * 4
-    )
+    return Observation(pixels, information, measured, np.zeros((p, 0)), np.zeros((0, 4), int), *[none] * 4)
 
 
 def local_noise_px(points, pixels):

@@ -70,6 +70,5 @@ def _placed(observation, place, n, noise_px):
         features=spread(observation.features, np.nan),
         information=np.tile(np.eye(2) / noise_px**2, (n, 1, 1)),
         measured=spread(observation.measured, False),
-        misfit=spread(observation.misfit, np.nan),
         colour=spread(observation.colour, np.nan),
     )

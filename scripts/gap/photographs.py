@@ -42,7 +42,7 @@ class PhotographsCase(Case):
         wanted = spread_out(self.corners[wanted].mean(axis=1), wanted, MAX_PATCHES)
         tried = np.isin(np.arange(len(starts)), wanted)
         states = states_at(np.nan_to_num(starts), self.codes)
-        features, _, measured, _ = measure_plates(grey_of(image), states, tried, self.codes, COARSE_TO_FINE)
+        features, _, measured = measure_plates(grey_of(image), states, tried, self.codes, COARSE_TO_FINE)
         return np.flatnonzero(measured), features[measured]
 
 

@@ -248,10 +248,8 @@ class Case:
         starts[seen] = found[seen]
         wanted = large_enough(starts, capture.view.width, capture.view.height)
         grey = grey_of(image)
-        _, _, first, _ = first_pass = measure_plates(
-            grey, states_at(starts, self.codes), wanted, self.codes, COARSE_TO_FINE
-        )
-        measured = first_pass[0][:, :8].reshape(-1, 4, 2), first
+        first, _, ok = measure_plates(grey, states_at(starts, self.codes), wanted, self.codes, COARSE_TO_FINE)
+        measured = first[:, :8].reshape(-1, 4, 2), ok
         starts, outlines = (
             follow_neighbours(starts, starts, *measured),
             follow_neighbours(outlines, starts, *measured),

@@ -164,7 +164,7 @@ class Photograph:
         wanted, states = np.isfinite(corners).all(1), np.zeros((len(self.codes.half_code), N_STATE))
         states[self.plates[wanted]] = states_of(features[wanted])
         tried = np.isin(np.arange(len(states)), self.plates[wanted])
-        found, _, measured, _ = measure_plates(grey_of(image), states, tried, self.codes, FINE)
+        found, _, measured = measure_plates(grey_of(image), states, tried, self.codes, FINE)
         return replace(self, image=image, plates=np.flatnonzero(measured), features=found[measured])
 
     def whole(self, effects, rng):
@@ -209,7 +209,7 @@ class Photograph:
         before = self.features[k].copy()
         before[:8] -= offset
         window = self.atlas.window(k)
-        features, _, ok, _ = measure_one(np.ascontiguousarray(grey[window]), states_of(before[None])[0], self.codes, i)
+        features, _, ok = measure_one(np.ascontiguousarray(grey[window]), states_of(before[None])[0], self.codes, i)
         if not ok:
             return None
         colour = np.zeros(10)

@@ -63,7 +63,7 @@ def test_the_fit_finds_projected_corners_of_its_own_synthesis_and_of_noise_its_s
     codes = Codes.of(scene.plates, [0.8, 0.05, 0.35], table)
     truth = project(view.K, view.T_cam_world, np.array([code_corners_world(p) for p in scene.plates]))
     noisy = grey + np.random.default_rng(1).normal(0, 1, grey.shape)
-    features, information, measured, _ = measure_plates(
+    features, information, measured = measure_plates(
         noisy, states_at(truth + 0.8, codes), np.ones(2, bool), codes, FINE
     )
     error = features[:, :8].reshape(-1, 4, 2) - truth
@@ -81,9 +81,7 @@ def test_codes_of_another_size_are_measured_where_they_are(scale):
     codes = Codes.of(nominal.plates, [0.8, 0.05, 0.35], table)
     grey = grey_image(scene, view, table)
     truth = project(view.K, view.T_cam_world, np.array([code_corners_world(p) for p in scene.plates]))
-    features, _, measured, _ = measure_plates(
-        grey, states_at(truth + 0.4, codes), np.ones(2, bool), codes, COARSE_TO_FINE
-    )
+    features, _, measured = measure_plates(grey, states_at(truth + 0.4, codes), np.ones(2, bool), codes, COARSE_TO_FINE)
     assert measured.all()
     assert np.abs(features[:, :8].reshape(-1, 4, 2) - truth).max() < 0.02
     side = np.linalg.norm(truth - np.roll(truth, 1, axis=1), axis=-1).mean(1)
@@ -197,7 +195,7 @@ def test_a_plate_blurred_beyond_its_modules_counts_for_less():
 
     def amplified(*chosen):
         grey = grey_image(scene, view, table, pipeline.light_spread(view, chosen))
-        features, information, measured, _ = measure_plates(
+        features, information, measured = measure_plates(
             grey, states_at(truth + 0.3, codes), np.ones(2, bool), codes, FINE
         )
         return noise_amplification(grey, features, information, measured, codes)

@@ -167,7 +167,7 @@ def test_the_diagnosis_measures_corners_of_every_type(family):
     image = np.interp(drawn(plate, view), np.linspace(0, 1, len(table)), table)
     codes = Codes.of([plate], [0.8, 0.05, 0.35], table)
     truth = project(view.K, view.T_cam_world, code_corners_world(plate)[None])
-    features, _, measured, _ = measure_plates(
+    features, _, measured = measure_plates(
         image, states_at(truth + 0.5, codes), np.ones(1, bool), codes, COARSE_TO_FINE
     )
     assert measured.all()

@@ -125,7 +125,6 @@ class Observation:
     features: np.ndarray
     information: np.ndarray
     measured: np.ndarray
-    misfit: np.ndarray
     colour: np.ndarray
     regions: np.ndarray
     field: np.ndarray
@@ -185,29 +184,28 @@ def states_of(features):
 def measure_plates(grey, states, wanted, codes, radii):
     """Measure the wanted plates (p,) of a grey image (H, W) from states (p, 14) near them.
 
-    Return features (p, 19), information (p, 19, 19), measured (p,), misfit variance (p,).
+    Return features (p, 19), information (p, 19, 19), measured (p,).
     """
     n = len(states)
     features = np.full((n, N_FEATURES), np.nan)
     information = np.zeros((n, N_FEATURES, N_FEATURES))
     measured = np.zeros(n, bool)
-    misfit = np.full(n, np.nan)
     grey = np.ascontiguousarray(grey, np.float32)
     for i in np.flatnonzero(wanted):
-        features[i], information[i], measured[i], misfit[i] = measure_one(grey, states[i], codes, i, radii)
-    return features, information, measured, misfit
+        features[i], information[i], measured[i] = measure_one(grey, states[i], codes, i, radii)
+    return features, information, measured
 
 
 def measure_one(grey, state, codes, i, radii=FINE):
-    """Return (features (19,), information (19, 19), whether it was measured, misfit variance) of plate i in a grey image."""
+    """Return (features (19,), information (19, 19), whether it was measured) of plate i in a grey image."""
     f, information, _, variance, _, ok = measure_plate(
         grey, np.ascontiguousarray(state), codes.half_code[i], codes.half_plate[i], codes.beyond,
         codes.rectangles[i], codes.levels, codes.lut, RIDGE, radii, FARTHEST_PX,
     )  # fmt: skip
     contrast = codes.contrast_dn + f[WHITE] - f[BLACK]
     if ok and contrast > LEAST_CONTRAST * codes.contrast_dn and np.sqrt(variance) < codes.worst_misfit * contrast:
-        return f, information, True, variance
-    return np.full(N_FEATURES, np.nan), np.zeros((N_FEATURES, N_FEATURES)), False, np.nan
+        return f, information, True
+    return np.full(N_FEATURES, np.nan), np.zeros((N_FEATURES, N_FEATURES)), False
 
 
 def responses_of(grey, features, codes, i):
@@ -338,7 +336,7 @@ def noise_amplification(grey, features, information, measured, codes):
     squares = np.where(measured, 0.0, 1.0)
     for seed in range(REPEATS):
         noise = np.random.default_rng(seed).standard_normal(grey.shape, dtype=np.float32)
-        again, _, found, _ = measure_plates(grey + noise, states_of(features), measured, codes, FINE)
+        again, _, found = measure_plates(grey + noise, states_of(features), measured, codes, FINE)
         for i in np.flatnonzero(measured):
             moved = again[i, :8] - features[i, :8]
             covariance = np.linalg.inv(information[i])[:8, :8]
@@ -355,7 +353,7 @@ def observe(image, starts, wanted, codes, radii, regions_of):
     """
     image = image.astype(np.float32)
     grey = grey_of(image)
-    features, information, measured, misfit = measure_plates(grey, states_at(starts, codes), wanted, codes, radii)
+    features, information, measured = measure_plates(grey, states_at(starts, codes), wanted, codes, radii)
     amplified = noise_amplification(grey, features, information, measured, codes)
     information = information / np.minimum(amplified, MOST_AMPLIFIED)[:, None, None] ** 2
     corners = features[:, :8].reshape(-1, 4, 2)
@@ -371,7 +369,7 @@ def observe(image, starts, wanted, codes, radii, regions_of):
     noise, noise_se = measure_noise(seen, atlas, plates, wanted, classes)
     of_mean, _ = measure_noise(grey_of(seen)[..., None], atlas, plates, wanted, classes)
     quietest = np.exp(np.nanmin(np.append(of_mean[:4], np.log(LARGEST_NOISE_VARIANCE))))
-    observation = Observation(features, information, measured, misfit, colour, regions, field, field_n, noise, noise_se)
+    observation = Observation(features, information, measured, colour, regions, field, field_n, noise, noise_se)
     return observation, float(max(quietest, SMALLEST_NOISE_VARIANCE))
 
 

@@ -253,7 +253,7 @@ class Shown:
             state = states[i].copy()
             state[:8] -= offset
             window = np.ascontiguousarray(grey[self.atlas.window(k)])
-            features[i], _, measured[i], _ = measure_one(window, state, self.codes, i)
+            features[i], _, measured[i] = measure_one(window, state, self.codes, i)
             features[i, :8] += offset
         return features, measured
 
@@ -318,7 +318,7 @@ class Shown:
         """Return by what the features (19,) of plate i differ in another image of its window; zeros where it is lost."""
         before = self.prediction.features[i].copy()
         before[:8] -= np.tile(self.atlas.offset(k), 4)
-        features, _, found, _ = measure_one(window, states_of(before[None])[0], self.codes, i)
+        features, _, found = measure_one(window, states_of(before[None])[0], self.codes, i)
         return features - before if found else np.zeros(N_FEATURES)
 
     @cached_property
