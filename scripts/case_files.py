@@ -117,10 +117,11 @@ def load_measured(expand, register_json, camera, observations):
             for v, xy, k, ok in zip(views, pixels, seen, usable, strict=True)
         ]
     pixels = np.where(usable[:, None, None], pixels, np.nan)
-    if facts["target"]["type"] in CHECKERED:
+    is_checkered = facts["target"]["type"] in CHECKERED
+    if is_checkered:
         pixels = without_alternation(points, pixels, facts["target"]["square_m"])
     row = tables.read_table(Path(expand) / "cameras.csv", tables.CAMERAS).set_index("camera").loc[camera]
-    noise_px = local_noise_px(points, without_lens(pixels, register_json))
+    noise_px = local_noise_px(points, without_lens(pixels, register_json), int(is_checkered))
     given = np.isfinite(row.fx), sigma_pose
     return board_case(
         facts["name"], camera, load_scene(expand), views, captures.trial, points, pixels, noise_px, *given

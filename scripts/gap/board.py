@@ -114,16 +114,16 @@ def observation_of(pixels, noise_px):
     return Observation(pixels, information, measured, np.zeros((p, 0)), np.zeros((0, 4), int), *[none] * 4)
 
 
-def local_noise_px(points, pixels):
+def local_noise_px(points, pixels, taken_out=0):
     """Return the standard deviation per axis of a board's points (views, p, 2) about a smooth map of each view, pixels.
 
-    points (p, 3), metres; pixels NaN where a point is not seen.
+    points (p, 3), metres; pixels NaN where a point is not seen; ``taken_out`` numbers of each axis of a view are out of them.
     """
     squares, freedom = 0.0, 0
     for _, _, residual, terms in _about_smooth_maps(points, pixels):
         deviation = 1.4826 * np.median(np.abs(residual - np.median(residual, 0)), axis=0)
         squares += (deviation**2).mean() * len(residual)
-        freedom += len(residual) - terms
+        freedom += len(residual) - terms - taken_out
     return max(float(np.sqrt(squares / freedom)) if freedom else USUAL_NOISE_PX, SMALLEST_NOISE_PX)
 
 

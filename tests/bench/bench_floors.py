@@ -137,7 +137,7 @@ def apart_px(case):
         terms, between = polynomial_terms(a[both] / CAMERA.width, 2), (a - b)[both] / np.sqrt(2)
         left = between - terms @ np.linalg.lstsq(terms, between, rcond=None)[0]
         squares += ((1.4826 * np.median(np.abs(left), axis=0)) ** 2).mean() * len(left)
-        freedom += len(left) - terms.shape[1]
+        freedom += len(left) - terms.shape[1] - 1  # what corners alternate by is out of them
     return float(np.sqrt(squares / freedom))
 
 

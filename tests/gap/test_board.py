@@ -183,7 +183,8 @@ def test_what_corners_alternate_by_is_taken_out_of_each_photograph():
     cleaned = without_alternation(POINTS, moved, 0.025)
     assert np.nanmax(np.abs(cleaned - pixels)) < 0.1 < 0.4 < np.nanmax(np.abs(moved - pixels))
     noise_px, with_it = local_noise_px(POINTS, pixels), local_noise_px(POINTS, moved)
-    assert local_noise_px(POINTS, cleaned) == pytest.approx(noise_px, rel=0.05) and with_it > 1.7 * noise_px
+    assert local_noise_px(POINTS, cleaned, 1) == pytest.approx(noise_px, rel=0.05) and with_it > 1.7 * noise_px
+    assert local_noise_px(POINTS, cleaned, 1) > local_noise_px(POINTS, cleaned)  # fewer degrees of freedom
     moved[np.arange(len(moved)), np.isfinite(moved).all(2).argmax(1)] += 30.0
     off = np.sort(np.abs(without_alternation(POINTS, moved, 0.025) - pixels), axis=None)
     assert off[np.isfinite(off)][: -2 * len(moved)].max() < 0.3
@@ -207,7 +208,9 @@ def test_only_corners_of_squares_alternate(board, tmp_path):
     with open(tmp_path / "o.npz", "wb") as file:
         save_points(file, found, USUAL)
     case = load_measured(tmp_path / "expand", tmp_path / "r.json", "c", tmp_path / "o.npz")
-    assert (case.noise_px > 0.1) == board.startswith("aruco_grid")
+    is_grid, seen = board.startswith("aruco_grid"), np.array([c.observation.features for c in case.captures])
+    assert (case.noise_px > 0.1) == is_grid
+    assert case.noise_px == pytest.approx(local_noise_px(case.points, seen, 0 if is_grid else 1), rel=1e-6)
 
 
 def test_points_have_the_derivatives_of_their_maps():
