@@ -29,7 +29,7 @@ def with_whole_lens(search, twin):
     whole = wide.fitted([*twin.effects, *lens], twin.poses)
     for _ in range(MAX_FITS - 1):
         if not whole.converged:
-            whole = wide.fitted(whole.effects, whole.poses)
+            whole = min(whole, wide.fitted(whole.effects, whole.poses), key=lambda t: t.loss)
     return whole
 
 

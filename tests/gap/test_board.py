@@ -130,6 +130,16 @@ def test_the_whole_lens_holds_what_is_too_small_for_a_name():
     assert whole.loss == pytest.approx(by_noise / (2 * outcome.twin.gap) ** 2, rel=0.3)
 
 
+def test_a_further_fit_that_leaves_more_is_no_whole_lens(monkeypatch):
+    """Fails if a fit that went astray takes the place of the one before it, which had not come to rest."""
+    search, base, _, _ = verdict(problem_of(*photographs()), candidates=COMPETING[:1])
+    better = replace(with_whole_lens(search, base), converged=False)
+    worse = replace(better, loss=better.loss + 100, converged=True)
+    fits = iter([better, worse, worse])
+    monkeypatch.setattr(type(search), "fitted", lambda *_: next(fits))
+    assert with_whole_lens(search, base) is better
+
+
 def test_small_terms_that_are_noise_are_left_away(monkeypatch):
     """Fails if a lens fitted to few photographs is told, and exported, though left-out ones lie farther off with it."""
     search, base, _, _ = verdict(problem_of(*photographs()), candidates=COMPETING)
