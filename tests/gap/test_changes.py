@@ -116,7 +116,7 @@ def test_points_that_one_set_never_shows_are_no_obstacle():
     after.points = after.points[some]
     for capture in after.captures:
         o = capture.observation
-        for name in ("features", "information", "measured", "misfit", "colour"):
+        for name in ("features", "information", "measured", "colour"):
             setattr(o, name, getattr(o, name)[some])
     problem, belongs = joined(before, after)
     assert len(problem.points) == len(POINTS) and belongs.sum() == 6
