@@ -26,10 +26,9 @@ from register.calibration import NAMES, matrix_of
 from register.registration import NO_PRIOR, pose_from_plane, prior_of
 from rig.errors import InputError
 from rig.geometry import camera_matrix, make_pose, perturb_pose
-from rig.patches import board_patches
+from rig.patches import CHECKERED, board_patches
 
 MIN_PATCHES, PATCHES = 4, 6  # of a photograph, that say something of it; that its signature is measured in
-CHECKERED = ("chessboard", "charuco")  # boards whose points are corners of squares
 SIGMA_OWN = 1.0  # of a capture's own exposure, gains and slopes of light (1/m) about their null
 OBSERVED = (
     "features",

@@ -28,8 +28,10 @@ def with_whole_lens(search, twin):
     wide = Search(scattered, search.candidates, search.fixed, (search.train, search.test), search.threads)
     whole = wide.fitted([*twin.effects, *lens], twin.poses)
     for _ in range(MAX_FITS - 1):
-        if not whole.converged:
-            whole = min(whole, wide.fitted(whole.effects, whole.poses), key=lambda t: t.loss)
+        further = whole if whole.converged else wide.fitted(whole.effects, whole.poses)
+        if further.loss >= whole.loss:
+            break
+        whole = further
     return whole
 
 

@@ -11,6 +11,7 @@ from rig.board_markers import board_markers
 from rig.plates import black_rectangles, white_cell_at
 from rig.targets import target_plate
 
+CHECKERED = ("chessboard", "charuco")  # types of boards whose points are corners of squares
 WHITE_ABOUT = 0.25  # of a chessboard's square, that is looked at on each side of a black one
 # Points of a square, from its middle, that tell a black one from a marker
 INSIDE_SQUARE = 0.48 * np.array([[0, 0], [-1, -1], [-1, 1], [1, -1], [1, 1]])
@@ -51,7 +52,7 @@ def inverted_patches(board):
 
 def _patches_of(board, plate):
     cells = black_rectangles(plate)
-    if board.type in ("chessboard", "charuco"):
+    if board.type in CHECKERED:
         half = board.square_m / 2
         return [
             _patch(name, xy, half, half + WHITE_ABOUT * board.square_m, cells)

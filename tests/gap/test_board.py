@@ -180,10 +180,8 @@ def test_the_floor_is_the_noise_whatever_the_lens(calibrated, tmp_path):
     assert found == pytest.approx(NOISE_PX, rel=0.06)
 
 
-ALTERNATING = np.where((np.arange(len(POINTS)) // 9 + np.arange(len(POINTS)) % 9) % 2, 1, -1)[:, None] * [
-    0.4,
-    -0.3,
-]  # pixels
+SIGN = np.where(np.indices((6, 9)).sum(0).ravel() % 2, 1, -1)[:, None]
+ALTERNATING = SIGN * [0.4, -0.3]  # pixels
 
 
 def test_what_corners_alternate_by_is_taken_out_of_each_photograph():
