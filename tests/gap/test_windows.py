@@ -110,6 +110,16 @@ def test_twins_that_draw_alike_are_drawn_once(case, monkeypatch):
     np.testing.assert_array_equal(kept[0].features, fresh.features)
 
 
+@pytest.mark.parametrize("turn_deg", [0.005, 0.05])
+def test_a_mount_that_is_off_is_drawn_where_it_is(case, turn_deg):
+    """Fails if a twin's plates are taken from where another mount, of as large windows, showed them before."""
+    turned = [("camera_pose_offset", library.nulls_of("camera_pose_offset") | {"turn_y_deg": turn_deg})]
+    predictor = case.predictor()
+    predictor.predict(1, [], np.zeros(6))
+    after = predictor.predict(1, turned, np.zeros(6))
+    np.testing.assert_array_equal(after.features, case.predictor().predict(1, turned, np.zeros(6)).features)
+
+
 def test_noise_follows_what_the_sensor_and_what_comes_after_it_do(case):
     """Fails if a derivative by a filter or a noise leaves noise as it is, or if time is spent on noise behind another lens; where
     all is measured again, a brighter scene has other noise.

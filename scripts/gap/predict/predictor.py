@@ -171,7 +171,7 @@ class Shown:
         scene, _ = problem.scene_of(effects)
         prints = problem.prints_of(scene)
         spread = pipeline.light_spread(view, effects)
-        where = view.capture, self.pose.tobytes(), self.atlas.boxes.tobytes()
+        where = view.capture, view.T_cam_world.tobytes(), self.atlas.boxes.tobytes()
         placed = pipeline.key_of([(n, p) for n, p in effects if library.places_light(n)])
         planes = []
         for channel in (0, 1, 2) if pipeline.is_chromatic(effects) else (1,):
