@@ -35,7 +35,7 @@ if BASELINE:
             earlier_images=earlier_images,
             code=imports_of("find_changes.py"),
             finder_code=finder_code,
-            effect_code=diagnosis_effect_code,
+            effect_code=code_of_effects(available_effects()),
         output:
             verdict=VERDICT,
             pictures=expand(

@@ -506,12 +506,6 @@ wildcard_constraints:
 CANDIDATES = config["diagnose"]["candidates"] or sorted(available_effects())
 
 
-def diagnosis_effect_code(wildcards):
-    """Return the code of the effects of the camera's twin and of all that compete."""
-    names = {name for name, _ in twin_effects(wildcards.camera)}
-    return code_of_effects(names | set(CANDIDATES))
-
-
 def trial_kind(wildcards):
     """Return what kind of thing a blind trial hides."""
     return TRIALS[wildcards.trial][0]

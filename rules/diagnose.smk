@@ -79,7 +79,7 @@ rule diagnose_camera:
         files=f"{RESULTS}/register/{{camera}}/files.csv" if CELLS else [],
         code=imports_of("diagnose_camera.py"),
         finder_code=finder_code,
-        effect_code=diagnosis_effect_code,
+        effect_code=code_of_effects(available_effects()),
     output:
         verdict=OWN_VERDICT,
         ladder=f"{RESULTS}/diagnosis/{{camera}}/ladder.csv",

@@ -138,9 +138,10 @@ def diagnose_camera(
     expand, out_gaps = Path(expand), Path(out_gaps)
     configured = [(n, p) for n, p in effects]
     fixed = {(n, k) for n, p in configured for k in p} - {(n, k) for n, k in free}
-    store = stored_outcomes(kept, [*code, *effect_code, observations, register_json], expand, (camera, sorted(fixed)))
+    measured = [*code, *effect_code, observations, register_json]
     try:
         case = without_own(load_measured(expand, register_json, camera, observations), dict(configured))
+        store = stored_outcomes(kept, measured, expand, (camera, sorted(fixed)), dict(case.own))
         competing, not_looked_at = looked_at(case, candidates)
         search, base, first, outcome = verdict(
             case, configured, competing, fixed, budget, threads, teller(camera), store
@@ -178,13 +179,11 @@ def diagnose_camera(
         result["whole_lens"] = whole_lens_record(search, twin)
     if patches:
         facts = camera, sorted(fixed), twin.effects, twin.poses.tobytes()
-        store = stored_outcomes(
-            f"{kept}/patches", [*code, *effect_code, patches, files, observations, register_json], expand, facts
-        )
+        declared = declared_of(files)
+        in_all = {name for own in declared.values() for name, _ in own}
+        store = stored_outcomes(f"{kept}/patches", [*measured, patches, files], expand, facts, in_all)
         of_camera = expand, register_json, camera, patches
-        look = partial(
-            look_at_patches, of_camera, case, outcome, list(not_looked_at), fixed, declared_of(files), budget, threads
-        )
+        look = partial(look_at_patches, of_camera, case, outcome, list(not_looked_at), fixed, declared, budget, threads)
         result, rows = with_cells(result, rows, base, outcome, not_looked_at, partial(look, teller(camera), store))
         store.drop_unused()
     with job.write_atomically(out) as file:
@@ -241,9 +240,11 @@ def teller(camera):
     return tell
 
 
-def stored_outcomes(folder, files, expand, facts):
-    """Return the OutcomeStore of a camera: ``files`` its code and measurements, ``expand`` the folder of its tables."""
-    known = available_effects()
+def stored_outcomes(folder, files, expand, facts, in_all):
+    """Return the OutcomeStore of a camera: ``files`` its code and measurements, ``expand`` the folder of its tables, ``in_all``
+    the names of effects that captures have of their own, whatever a twin has.
+    """
+    known = available_effects().keys() - set(in_all)
     own = {f for f in files if Path(f).parent.name == "effects" and Path(f).stem in known}
     of_effects = {Path(f).stem: [f, *sorted(own.intersection(imports_of(f)))] for f in own}
     shared = {*files, *(f for f in Path(expand).iterdir() if f.is_file())} - own

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from cases import generated_case
 
+from diagnose_camera import stored_outcomes
 from effects.contract import available_effects
 from gap.search import Search
 from gap.select_effects import verdict
@@ -70,6 +71,18 @@ def test_what_all_depend_on_throws_all_away(tmp_path, change):
     assert OutcomeStore(tmp_path / "kept", [file], 1, {}).get({"exposure"}, "text") == "value"
     file.write_text("two" if change == "shared" else "one")
     assert OutcomeStore(tmp_path / "kept", [file], 2 if change == "facts" else 1, {}).get({"exposure"}, "text") is None
+
+
+@pytest.mark.parametrize(("in_all", "left"), [([], "value"), (["exposure"], None)])
+def test_an_effect_that_captures_have_of_their_own_is_in_every_outcome(tmp_path, in_all, left):
+    """Fails if the edit of an effect that no twin names, as the captures have it, leaves old outcomes standing."""
+    effects, tables = tmp_path / "effects", tmp_path / "expand"
+    effects.mkdir(), tables.mkdir()
+    exposure = effects / "exposure.py"
+    exposure.write_text("one")
+    stored_outcomes(tmp_path, [str(exposure)], tables, "facts", in_all).put({"vignetting"}, "text", "value")
+    exposure.write_text("two")
+    assert stored_outcomes(tmp_path, [str(exposure)], tables, "facts", in_all).get({"vignetting"}, "text") == left
 
 
 @pytest.mark.parametrize("damaged", [b"\x80\x04", b"\x80\xff", b"no pickle", b"cnone\nsuch\n."])
