@@ -6,7 +6,6 @@ it was, and a camera at rest is rendered once.
 
 import contextlib
 import hashlib
-import importlib.util
 import json
 import logging
 import time
@@ -27,8 +26,6 @@ from rig.errors import InputError
 from whole_folder import whole_folder
 
 log = logging.getLogger("twingap")
-
-RENDERING_CODE = ("blender.moving", "blender.materials", "blender.renderer", "rig.plates")
 
 
 def frame_name(frame):
@@ -52,9 +49,7 @@ def frame_key(facts, poses, places):
 
 def sequence_facts(moving, name, version):
     """Return bytes that hold everything but the frame's poses: code, plates, camera, shutter, Blender's version."""
-    digest = hashlib.sha256()
-    for module in RENDERING_CODE:
-        digest.update(Path(importlib.util.find_spec(module).origin).read_bytes())
+    digest = hashlib.sha256(render_store.code_sha256("blender/moving.py").encode())
     file = moving.file
     occluder = file.trajectories[name].occluder
     facts = [moving.K.tolist(), moving.shape, file.samples, file.exposure_s, file.readout_s, version]

@@ -25,9 +25,6 @@ from rig.geometry import camera_matrix, make_pose, split_pose
 
 log = logging.getLogger("twingap")
 
-RENDERING_CODE = tuple(f"blender/{name}.py" for name in ("renderer", "edges", "faces", "materials"))
-RENDERING_CODE += ("rig/plates.py", "rig/discs.py")
-
 
 def station_poses(expand, register_csv, camera):
     """Return {station: T_cam_world}: nominal poses, or the registered ones where a station's pose is unknown."""
@@ -51,12 +48,9 @@ def station_poses(expand, register_csv, camera):
 
 def key_of(scene, K, size, margin, samples, device, version, T_cam_world):
     """Return the hash of everything that decides a station's pixels, the code that renders among it."""
-    digest = hashlib.sha256()
-    for module in RENDERING_CODE:
-        digest.update((Path(__file__).parent / module).read_bytes())
-    facts = [asdict(scene), K, size, margin, samples, device, version, T_cam_world]
-    digest.update(json.dumps(facts, sort_keys=True, default=_as_lists).encode())
-    return digest.hexdigest()
+    code = render_store.code_sha256("blender/renderer.py")
+    facts = [code, asdict(scene), K, size, margin, samples, device, version, T_cam_world]
+    return hashlib.sha256(json.dumps(facts, sort_keys=True, default=_as_lists).encode()).hexdigest()
 
 
 def _as_lists(array):

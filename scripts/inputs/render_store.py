@@ -8,7 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from job import write_atomically
+from kernels import SCRIPTS, digest_of_imports
 from rig.errors import InputError
+
+
+def code_sha256(module):
+    """Return the hash of a module that renders, a path below scripts/, and of all of the project that it imports."""
+    file = SCRIPTS / module
+    return hashlib.sha256(file.read_bytes() + digest_of_imports(file).encode()).hexdigest()
 
 
 def station_file(folder, station):

@@ -1,11 +1,14 @@
 """A render's key holds everything that decides its pixels: what it misses leaves old pixels standing."""
 
+import shutil
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import pytest
 
+import kernels
 from effects.base import Scene
+from inputs import render_store
 from render_stations import key_of
 from rig.plates import Plate
 
@@ -61,3 +64,21 @@ def test_what_cannot_be_written_down_is_no_key():
     """Fails if an object is hashed by its address: everything would be rendered again in every run."""
     with pytest.raises(TypeError, match="object"):
         key_of(SCENE.with_(light=object()), *REST)
+
+
+@pytest.mark.parametrize("edited", ["blender/renderer.py", "blender/faces.py", "rig/geometry.py", "effects/base.py"])
+def test_all_code_that_renders_is_in_the_key(tmp_path, monkeypatch, edited):
+    """Fails if an edit of what draws, or of what that imports, leaves pixels of before standing."""
+    hashes = []
+    for change in ("", "", "\n# edited\n"):
+        scripts = tmp_path / f"{len(hashes)}"
+        shutil.copytree(
+            kernels.__file__.removesuffix("kernels.py"), scripts, ignore=shutil.ignore_patterns("__pycache__")
+        )
+        with (scripts / edited).open("a") as file:
+            file.write(change)
+        with monkeypatch.context() as patched:
+            for module in (kernels, render_store):
+                patched.setattr(module, "SCRIPTS", scripts)
+            hashes.append([render_store.code_sha256(f"blender/{name}.py") for name in ("renderer", "moving")])
+    assert hashes[0] == hashes[1] and not set(hashes[0]) & set(hashes[2])
