@@ -5,9 +5,11 @@ import subprocess
 import pandas as pd
 import pytest
 
+import bench_bounds
 import bench_slurm
 import record
 import run_benchmarks
+from trials.summarise_trials import summary_of
 from workflow_runs import PROJECT, numbers_of
 
 
@@ -115,16 +117,34 @@ def test_a_commit_with_changes_is_marked(tmp_path):
     assert record.commit_of(tmp_path) == f"{clean}+"
 
 
-def test_outcomes_of_blind_trials_become_figures(tmp_path):
-    """Fails if a kind without trials is told as a figure, or the interval is left out."""
-    (tmp_path / "summary.csv").write_text(
-        "what,aim_pct,hits,trials,share_pct,low_pct,high_pct\nsingle,95,9,10,90.0,59.6,98.2\npair,85,0,0,,,\n"
-    )
-    (tmp_path / "power.csv").write_text("hidden,0.25,0.5,smallest_seen,was\na,1.0,1.0,0.25,x\nb,0.0,1.0,0.5,y\n")
-    assert run_benchmarks.trial_figures(tmp_path) == [
-        ("single", "9 of 10 (60 to 98 %)", ""),
-        ("a quarter of the clear strength: named alone", "1 of 2", ""),
+def outcome(folder):
+    """Write summary.csv and power.csv of ten single trials, four with nothing hidden and eight parameters to ``folder``."""
+    single = [
+        {"kind": "single", "hidden": "a", "named": "a", "first_right": k > 0, "set_right": False} for k in range(10)
     ]
+    nothing = [{"kind": "none", "hidden": "", "named": "", "p": p} for p in (0.2, 0.4, 0.6, 0.8)]
+    trials = pd.DataFrame(single + nothing).assign(strength=1.0, verdict="adequate", gap=0.9)
+    parameters = pd.DataFrame({"inside_95": [True] * 7 + [False], "miss": [0.1 * k for k in range(1, 8)] + [2.5]})
+    summary_of(trials, parameters).to_csv(folder / "summary.csv", index=False)
+    (folder / "power.csv").write_text("hidden,0.25,0.5,smallest_seen,was\na,1.0,1.0,0.25,x\nb,0.0,1.0,0.5,y\n")
+
+
+def test_outcomes_of_blind_trials_become_figures(tmp_path):
+    """Fails if figures are read from columns that no summary has, counts are no whole numbers, or an interval is left out."""
+    outcome(tmp_path)
+    figures = {what: (figure, unit) for what, figure, unit in run_benchmarks.trial_figures(tmp_path)}
+    assert figures["single effects: the right one first"] == ("9 of 10 (60 to 98 %)", "")
+    assert figures["stated 95 % intervals that hold the truth"] == ("7 of 8 (53 to 98 %)", "")
+    assert figures["median miss"] == ("0.45 (0.1 to 2.5)", "standard errors")
+    assert figures["nothing hidden: p-values uniform (KS)"] == ("0.99", "p")
+    assert figures["a quarter of the clear strength: named alone"] == ("1 of 2", "")
+    assert not [what for what in figures if what.startswith("two effects")]
+
+
+def test_bounds_without_trials_are_those_of_their_page():
+    """Fails if `make bench`, which names no trial, measures no bounds, or others than the page's are looked at."""
+    page = (PROJECT / "docs/bounds.md").read_text(encoding="utf-8")
+    assert f"bench_bounds.py {' '.join(bench_bounds.TRIALS)}`" in page
 
 
 def test_an_unknown_benchmark_is_refused(capsys):

@@ -1,6 +1,6 @@
-"""What half and double of each bound of the diagnosis would turn: python tests/bench/bench_bounds.py KIND/SEED/FIRST-LAST ...
+"""What half and double of each bound of the diagnosis would turn: python tests/bench/bench_bounds.py [KIND/SEED/FIRST-LAST ...]
 
-Diagnoses blind trials with bounds that keep account (watched.py), a process each, and writes docs/bounds.csv and docs/bounds.md.
+Without a trial those of TRIALS. Diagnoses blind trials with bounds that keep account (watched.py), a process each, and writes docs/bounds.csv and docs/bounds.md.
 """
 
 import argparse
@@ -20,6 +20,10 @@ sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests/bench")]
 import pandas as pd
 
 TABLE, PAGE, METHOD = ROOT / "docs/bounds.csv", ROOT / "docs/bounds.md", ROOT / "docs/method.md"
+TRIALS = [
+    "none/larkspur/3-21", "single/larkspur/6-22", "pair/larkspur/6-21",
+    "whole/yarrow/13", "whole/yarrow/16-17", "whole/yarrow/19-21",
+]  # fmt: skip
 HEAD = """# What half and double of each bound turn
 
 The bounds are those of [method.md](method.md#bounds-set-by-hand). Made by `{command}`
@@ -89,8 +93,8 @@ def page_of(table, command, commit):
 def main(argv=None):
     """Read the command line, diagnose, write the table and the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("trials", nargs="+", metavar="KIND/SEED/FIRST-LAST")
-    given = parser.parse_args(argv).trials
+    parser.add_argument("trials", nargs="*", metavar="KIND/SEED/FIRST-LAST")
+    given = parser.parse_args(argv).trials or TRIALS
     found = []
     for trial in (t for text in given for t in trials_of(text)):
         with multiprocessing.get_context("spawn").Pool(1) as alone:  # constants are watched once in a process

@@ -11,13 +11,16 @@ from pathlib import Path
 
 import pandas as pd
 
-from record import ROOT, record, write_page
+from record import ROOT, as_text, record, write_page
 
 HERE = Path(__file__).resolve().parent
-SCRIPTS = ["size", "growth", "geometry", "render", "repeatability", "diagnose", "calibration", "detectors", "moving"]
+SCRIPTS = [
+    "size", "growth", "geometry", "render", "repeatability", "diagnose", "whole_cameras", "score_test", "bounds",
+    "calibration", "detectors", "moving",
+]  # fmt: skip
 BLIND_TRIALS = "blind_trials"
 TRIALS = ROOT / "results/blind_trials"
-TRIAL_COUNTS = "blind_trials={single: 174, pair: 60, none: 100, outside: 60, power: 87}"
+TRIAL_COUNTS = "blind_trials={single: 174, pair: 60, none: 100, outside: 60, power: 87, whole: 60}"
 TRIALS_COMMAND = "snakemake --cores 2 blind_trials"
 WEAK = "0.25"  # the strength, a column of power.csv
 
@@ -37,13 +40,17 @@ def run_blind_trials():
     return False
 
 
+def summary_figure(row):
+    """Return (what, figure, unit) of a row of a summary: a share as its counts, else its value; with its interval if it has one."""
+    if pd.notna(row.hits):
+        return row.what, f"{row.hits:.0f} of {row.number} ({row.low:.0f} to {row.high:.0f} %)", ""
+    interval = "" if pd.isna(row.low) else f" ({as_text(row.low)} to {as_text(row.high)})"
+    return row.what, as_text(row.value) + interval, row.unit
+
+
 def trial_figures(folder):
-    """Return [(what, figure, unit)] of an outcome's summary.csv and power.csv, of what there were trials for."""
-    figures = []
-    for row in pd.read_csv(folder / "summary.csv").itertuples():
-        if row.trials:
-            interval = f"{row.low_pct:.0f} to {row.high_pct:.0f} %"
-            figures.append((row.what, f"{row.hits} of {row.trials} ({interval})", ""))
+    """Return [(what, figure, unit)] of an outcome's summary.csv and power.csv (scripts/trials/summarise_trials.py)."""
+    figures = [summary_figure(row) for row in pd.read_csv(folder / "summary.csv").itertuples()]
     power = pd.read_csv(folder / "power.csv")
     if WEAK in power:
         figures.append(
