@@ -5,8 +5,8 @@
     python scripts/adopt_effect.py CAMERA --auto            go on until the diagnosis finds nothing more
     python scripts/adopt_effect.py CAMERA EFFECT --remove   take it out of the twin
 
-The twin is config/twins/<campaign>/<camera>.yaml; comments and order of what stands there are kept. Says at the end
-what the change will rerun.
+The twin is config/twins/<campaign>/<camera>.yaml; comments, order and numbers of what stands there are kept, and each `fit`
+is filled in. Says at the end what the change will rerun.
 """
 
 import argparse
@@ -28,7 +28,7 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 import job
 from effects import library
 from inputs.safe_yaml import load_yaml
-from inputs.twins import load_twin
+from inputs.twins import FIT, entries_of, load_twin
 from rig.errors import InputError
 
 log = logging.getLogger("twingap")
@@ -130,11 +130,18 @@ def rounded(value, se, parameter):
     return min(max(float(f"{value:.{digits}g}"), parameter.lower), parameter.upper)
 
 
-def entry_of(effect, values, origin):
-    """Return a twin's entry, with a comment of unit and standard error at each parameter."""
+def entry_of(effect, values, origin, standing):
+    """Return a twin's entry, with a comment of unit and standard error at each parameter that does not stand yet.
+
+    ``standing`` is {parameter: number} that a person wrote: the diagnosis fitted nothing there.
+    """
     known = library.parameters_of(effect)
     parameters = CommentedMap()
-    for key, (value, se) in values.items():
+    for key in sorted({*values, *standing}, key=list(known).index):
+        if key in standing:
+            parameters[key] = standing[key]
+            continue
+        value, se = values[key]
         parameters[key] = rounded(value, se, known[key])
         spread = f" +- {se:.2g}" if se else ""
         parameters.yaml_add_eol_comment(f"{known[key].unit}{spread}", key)
@@ -179,8 +186,15 @@ def _write(path, text):
         os.unlink(temporary)
 
 
+def standing_of(path, effect):
+    """Return {parameter: number} of an effect as it stands in a twin's file or in one that it extends, without each `fit`."""
+    entries = entries_of(path) if path.is_file() else []
+    given = next((e.get("parameters") or {} for _, e in entries if e["effect"] == effect), {})
+    return {key: value for key, value in given.items() if value != FIT}
+
+
 def add(path, entries, campaign, camera):
-    """Write entries into a twin's file; one that stands there already gets the new numbers and keeps its comments."""
+    """Write entries into a twin's file; in one that stands there already numbers and comments stay."""
     data = _read(path, campaign, camera)
     if not data.get("effects"):
         # comments that hang on an empty list go with the key that follows it
@@ -194,7 +208,8 @@ def add(path, entries, campaign, camera):
         if old.get("parameters") is None:
             old["parameters"] = CommentedMap()
         for key, value in entry["parameters"].items():
-            old["parameters"][key] = value
+            if old["parameters"].get(key, FIT) == FIT:
+                old["parameters"][key] = value
         old["origin"] = entry["origin"]
     stream = io.StringIO()
     _yaml().dump(data, stream)
@@ -274,7 +289,7 @@ def say_what_reruns(folder):
 
 def describe(entry):
     """Return 'effect (a = 1, b = 2)'."""
-    return f"{entry['effect']} (" + ", ".join(f"{k} = {v:g}" for k, v in entry["parameters"].items()) + ")"
+    return f"{entry['effect']} (" + ", ".join(f"{k} = {float(v):g}" for k, v in entry["parameters"].items()) + ")"
 
 
 def adopt(path, campaign, camera, effects):
@@ -284,7 +299,13 @@ def adopt(path, campaign, camera, effects):
     entries = []
     for effect in effects or [next_effect(diagnosis, adopted)]:
         library.effect_named(effect)
-        entries.append(entry_of(effect, *finding(diagnosis, effect)))
+        values, origin = finding(diagnosis, effect)
+        standing = standing_of(path, effect)
+        if not values.keys() - standing.keys():
+            raise InputError(
+                f"{path}: {effect} has its numbers, which stay; write `{FIT}` for what a diagnosis is to fit"
+            )
+        entries.append(entry_of(effect, values, origin, standing))
     add(path, entries, campaign, camera)
     return entries
 

@@ -35,7 +35,7 @@ def load_twin(path):
     path = Path(path)
     if not path.is_file():
         return Twin([], [], [])
-    entries = _entries(path, ())
+    entries = entries_of(path)
     effects, starts, free = [], [], []
     for where, entry in entries:
         name, parameters, fitted = read_effect(where, entry)
@@ -46,8 +46,8 @@ def load_twin(path):
     return Twin(pipeline.in_order(effects), pipeline.in_order(starts), free)
 
 
-def _entries(path, visited):
-    """Return [(where, entry)] of a file and of the twin it extends; an effect of both is taken from the file."""
+def entries_of(path, visited=()):
+    """Return [(where, entry)] of a file and of the twin it extends, as they stand; an effect of both is taken from the file."""
     path = path.resolve()
     if path in visited:
         raise InputError(f"{path}: extends: goes round in a circle")
@@ -67,7 +67,7 @@ def _entries(path, visited):
         base = path.parent / str(data["extends"])
         if not _is_file(base):
             raise InputError(f"{path}: extends: {data['extends']!r}: no such file (relative to this file's folder)")
-        inherited = [(w, e) for w, e in _entries(base, (*visited, path)) if e.get("effect") not in names]
+        inherited = [(w, e) for w, e in entries_of(base, (*visited, path)) if e.get("effect") not in names]
     return inherited + [(f"{path}: effects, entry {k + 1}", e) for k, e in enumerate(own)]
 
 

@@ -110,13 +110,42 @@ def test_comments_and_order_are_kept(place):
     assert "'fit'" in text and "1.10" in text
 
 
-def test_adopting_again_refreshes_the_numbers(place):
-    """An effect twice in a file is an error; a second adoption means new numbers."""
+def test_adopting_beside_a_number_adds_the_others(place):
+    """Fails if an effect that stands already is written a second time, or the number that stands there is written anew."""
     place.write_text(WRITTEN)
     assert run("cam", "vignetting") == 0
     text = place.read_text()
     assert text.count("vignetting") == 1 and "# by eye" in text
-    assert dict(load_twin(place).effects)["vignetting"] == {"a2": 0.21, "a4": -0.02, "a6": 0.0}
+    assert dict(load_twin(place).effects)["vignetting"] == {"a2": 0.3, "a4": -0.02, "a6": 0.0}
+
+
+@pytest.mark.parametrize("number", ["0.123456789", "1.234567891e-1", "0.30", "1"])
+def test_a_number_stays_as_it_was_written(place, number, capsys):
+    """Fails if what the user fixed beside a `fit` is rounded, written in another way, or told otherwise than it stands."""
+    given = f"effects:\n  - effect: vignetting\n    parameters: {{a2: {number}, a4: fit, a6: 0.0}}\n"
+    place.write_text(given)
+    assert run("cam", "vignetting") == 0
+    kept, _, origin = place.read_text().partition("    origin:")
+    assert kept == given.replace("fit", "-0.02") and "candidate of the diagnosis" in origin
+    assert f"a2 = {float(number):g}, a4 = -0.02" in capsys.readouterr().out
+
+
+def test_a_number_of_the_twin_that_is_extended_comes_with_all_digits(place):
+    """Fails if what the user fixed in the file that this one extends is fitted anew, or rounded, where the entry is copied."""
+    base = "effects:\n  - effect: vignetting\n    parameters: {a2: 0.123456789, a4: fit}\n"
+    place.with_name("base.yaml").write_text(base)
+    place.write_text("extends: base.yaml\n")
+    assert run("cam", "vignetting") == 0
+    assert place.with_name("base.yaml").read_text() == base
+    assert dict(load_twin(place).effects)["vignetting"] == {"a2": 0.123456789, "a4": -0.02, "a6": 0.0}
+
+
+def test_an_effect_whose_numbers_all_stand_is_not_adopted(place, capsys):
+    """Fails if numbers of the user pass for the diagnosis's: its origin beside them, and success told."""
+    given = "effects:\n  - effect: vignetting\n    parameters: {a2: 0.123456789, a4: 0.01}\n    origin: by hand\n"
+    place.write_text(given)
+    assert run("cam", "vignetting") == 1
+    assert place.read_text() == given and "write `fit`" in capsys.readouterr().err
 
 
 def test_adopt_and_remove_is_a_round_trip(place):
