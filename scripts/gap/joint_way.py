@@ -280,7 +280,7 @@ def _is_clearly_more(loss, end):
 
 
 def _is_rough(search, twin):
-    """Return whether a twin has what the captures show by themselves, a codec, whose steps move losses by more than chance."""
+    """Return whether a twin has what the captures show by themselves, a codec: its steps make losses leap."""
     return any(search.problem.shows(name) for name, _ in twin.effects)
 
 

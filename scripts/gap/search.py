@@ -382,7 +382,7 @@ def is_significant(effect, values, errors):
 
 
 def is_as_good(twin, other):
-    """Return whether a twin loses no more than chance to another on the held-out captures."""
+    """Return whether a twin's loss on the held-out captures is less than MIN_GAIN above that of another."""
     return sum(twin.losses.values()) < sum(other.losses.values()) + MIN_GAIN
 
 

@@ -313,7 +313,7 @@ def is_missing_from(search, twin, candidate):
 
 
 def is_missing(candidate, excess, share):
-    """Return whether a candidate's held-out gain is more than chance, on most stations, matters, and closes enough."""
+    """Return whether a candidate gains more than ``least_gain`` held out, on most stations, matters, and closes enough."""
     least = least_gain(candidate.effect)
     return bool(
         is_enough(candidate.group_gains, candidate.gain, least, excess, share)
