@@ -271,6 +271,17 @@ def exposed_effects(wildcards):
     return twin_effects(wildcards.camera, "lens", "shutter", "sensor", "processing")
 
 
+def lens_effects(wildcards):
+    """Return the twin's effects through which photographs of a board are registered: a rig's poses are told."""
+    stages = ("lens", "shutter") if BOARD else ()
+    return [e for stage in stages for e in twin_effects(wildcards.camera, stage)]
+
+
+def lens_code(wildcards):
+    """Return the code of the effects through which a camera's photographs are registered."""
+    return code_of_effects(name for name, _ in lens_effects(wildcards))
+
+
 def designed_effects():
     """Return {camera: [[effect, parameters], ...]} of an experiment's twins: its truth is where their lenses put markers."""
     if CAMPAIGN:

@@ -20,6 +20,7 @@ rule register_captures:
         images=captures_of,
         calibration=lookup(dpath="{camera}", within=CALIBRATION),
         code=imports_of("register_captures.py"),
+        effect_code=lens_code,
         finder_code=finder_code,
     output:
         table=f"{RESULTS}/register/{{camera}}.csv",
@@ -38,6 +39,7 @@ rule register_captures:
     params:
         facts=camera_facts,
         campaign=CAMPAIGN,
+        effects=lens_effects,
         pins=locked("numpy", "scipy", "opencv-contrib-python-headless"),
     message:
         "Checking and registering the captures of {wildcards.camera}"

@@ -157,7 +157,7 @@ def diagnose_camera(
     train = [case.captures[i].view.capture for i in search.train]
     write_gaps(before, after, train, out_gaps)
     at_fault = after if outcome.verdict == "unexplained" else before
-    nuisances = dict(case.nuisances)
+    nuisances = {n for n, _ in case.nuisances} - set(dict(configured))
     result = {
         "campaign": case.campaign,
         "camera": camera,

@@ -1,8 +1,8 @@
 """Draw a photograph of a board beside its twin, before and after the effects that were found: the report's first picture.
 
 As diagnose_camera does for rigs: ``example_real.png``, ``example_configured.png``, ``example_explained.png``, here of the board's
-part of the photograph. The twins are Blender's render of that photograph, moved along the board's plane to the pose and focal
-length that fit the points best with these effects, in the photograph's own light where nobody declared it.
+part of the photograph. The twins are Blender's render of that photograph, moved along the board's plane to the pose that fits the
+points best with these effects, in the photograph's own light where nobody declared it.
 """
 
 import json
@@ -11,7 +11,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from scipy.optimize import least_squares
 
 import job
 from effects import pipeline
@@ -24,8 +23,9 @@ from inputs.render_store import read_station
 from inputs.scene import load_scene
 from register.boards import LEAST_POINTS
 from register.finders import board_finder
+from register.registration import NO_PRIOR, lens_of, register_pose
 from rig.errors import InputError
-from rig.geometry import camera_matrix, make_pose, perturb_pose, project
+from rig.geometry import camera_matrix, make_pose
 from rig.light import BoardPlace, in_own_light
 
 NAMES = ("real", "configured", "explained")
@@ -36,7 +36,7 @@ AROUND = 0.06  # of the board, kept beside it
 def twins_of(verdict):
     """Return (effects as configured, effects with what was found) of a verdict's record, without those of the scene."""
     configured = [(e["effect"], e["parameters"]) for e in verdict.get("configured", [])]
-    found = dict(configured)
+    found = dict(configured) | verdict.get("nuisances", {})
     for step in verdict["steps"]:
         found[step["effect"]] = {k: p["value"] for k, p in step["parameters"].items()}
     return tuple(
@@ -44,19 +44,11 @@ def twins_of(verdict):
     )
 
 
-def fitted_view(view, points, effects):
-    """Return the View with the pose and focal length that take a board's points (BoardPoints) to the photograph's best."""
-
-    def moved(p):
-        K = view.K.copy()
-        K[[0, 1], [0, 1]] *= np.exp(p[6])
-        return replace(view, K=K, T_cam_world=perturb_pose(view.T_cam_world, p[:6]))
-
-    def misses(p):
-        v = moved(p)
-        return (pipeline.map_points(project(v.K, v.T_cam_world, points.board), v, effects) - points.image).ravel()
-
-    return moved(least_squares(misses, np.zeros(7), loss="soft_l1", x_scale=1e-3).x)
+def registered_view(view, points, effects):
+    """Return the View at the pose that takes a board's points (BoardPoints) to the photograph's best behind effects."""
+    lens = lens_of(view, effects)
+    T, _, _ = register_pose(points.board, points.image, view.K, view.T_cam_world, NO_PRIOR, lens)
+    return replace(view, T_cam_world=T)
 
 
 def drawn(radiance, margin, view, moved, effects, lit):
@@ -137,7 +129,7 @@ def _images(facts, register_json, manifest, record, expand, campaign, camera, ro
     if len(points.image) < LEAST_POINTS:
         return [np.zeros((8, 8, 3))] * 3
     lit = in_light_of(lights, row.capture, load_scene(expand).plates[0])
-    drawn_twins = [drawn(radiance, margin, view, fitted_view(view, points, e), e, lit) for e in twins]
+    drawn_twins = [drawn(radiance, margin, view, registered_view(view, points, e), e, lit) for e in twins]
     part = board_part(points, size)
     return [np.broadcast_to(i, real.shape)[part] for i in (real, *drawn_twins)]
 

@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from tqdm import tqdm
 
 import job
+from effects.base import View
 from inputs import tables
 from inputs.campaign import Board, inside
 from inputs.images import read_image
@@ -20,7 +21,7 @@ from register import calibration
 from register.board_checks import check_photographs, check_tilt
 from register.finders import better_finder, board_finder, board_views, marker_finder, usable_views, views_of_markers
 from register.outcomes import register_board, register_markers
-from register.registration import prior_of
+from register.registration import lens_of, prior_of
 from rig.errors import InputError
 from rig.geometry import camera_matrix, make_pose, split_pose
 
@@ -101,11 +102,12 @@ def exif_focal_px(campaign, captures, size):
     return focal_px(focal_35mm, size) if focal_35mm else None
 
 
-def register_captures(expand, campaign, camera, out_csv, out_json):
+def register_captures(expand, campaign, camera, out_csv, out_json, effects=()):
     """Check and register all captures of a camera; a designed experiment passes on its nominal intrinsics.
 
-    expand is the folder of the tables. Writes the table and the JSON that docs/register.md describes. Raises
-    InputError for captures that can't be what the tables say.
+    expand is the folder of the tables; effects [(name, parameters)] of the twin that move points, behind which the poses are
+    fitted, the intrinsics not. Writes the table and the JSON that docs/register.md describes. Raises InputError for captures
+    that can't be what the tables say.
     """
     expand, messages = Path(expand), []
     facts = json.loads((expand / "scene.json").read_text())
@@ -137,7 +139,8 @@ def register_captures(expand, campaign, camera, out_csv, out_json):
             check_tilt(views, fits["5"], where, exif_focal_px(campaign, captures, size))
         known = known or calibration.ideal_intrinsics(views, folder_views, size, messages)
         K, sigma = camera_matrix(*known), prior_of(facts["tolerance"])
-        outcomes = {c: register(seen[c], K, nominal[c], sigma) for c in captures.capture}
+        lens = lens_of(View(K, *size, 0, np.eye(4), camera, "", ""), effects)
+        outcomes = {c: register(seen[c], K, nominal[c], sigma, lens) for c in captures.capture}
     known = known or calibration.guess(size)
     count = sum(outcome[0] == "registered" for outcome in outcomes.values())
     if count < len(captures):
@@ -172,4 +175,5 @@ if __name__ == "__main__":
         camera=snakemake.wildcards.camera,
         out_csv=snakemake.output.table,
         out_json=snakemake.output.intrinsics,
+        effects=[(n, p) for n, p in snakemake.params.effects],
     )

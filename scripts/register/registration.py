@@ -1,9 +1,12 @@
 """The pose of a capture from all its markers, with the campaign's tolerance as prior where a nominal pose is known."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 from scipy.optimize import least_squares
 
+from effects import pipeline
 from rig.geometry import invert_pose, make_pose, perturb_pose, project
 from rig.plates import marker_corners_plate
 
@@ -26,8 +29,24 @@ def prior_of(tolerance):
     return np.maximum(sigma, LEAST_PRIOR)
 
 
-def register_pose(points_world, pixels, K, T_start, sigma_pose):
-    """Fit T_cam_world to points (n, 3) and pixels (n, 2) of the ideal pinhole, robustly (Huber 1964).
+def ideal_lens(pixels, _):
+    """Return the pixels of a pinhole, as they are: a lens that moves no point, whatever the pose."""
+    return pixels
+
+
+def lens_of(view, effects):
+    """Return the function (ideal pixels (..., 2), T_cam_world) that says where a twin's effects [(name, parameters)] move them;
+    ``view`` is the effects.base.View of a capture but for its pose.
+    """
+    if not pipeline.has_geometry(effects):
+        return ideal_lens
+    return lambda pixels, T: pipeline.map_points(pixels.reshape(-1, 2), replace(view, T_cam_world=T), effects).reshape(
+        pixels.shape
+    )
+
+
+def register_pose(points_world, pixels, K, T_start, sigma_pose, lens=ideal_lens):
+    """Fit T_cam_world to points (n, 3) and pixels (n, 2) of the pinhole behind a ``lens_of``, robustly (Huber 1964).
 
     T_start (4, 4) is where the fit starts and where the prior has its mean; sigma_pose (6,) the prior's standard
     deviations (rad, m) in the camera's frame, inf for none. The corners' scatter is the larger of 0.5 px and what the
@@ -36,7 +55,8 @@ def register_pose(points_world, pixels, K, T_start, sigma_pose):
     """
 
     def errors_px(delta):
-        e = project(K, perturb_pose(T_start, delta), points_world) - pixels
+        T = perturb_pose(T_start, delta)
+        e = lens(project(K, T, points_world), T) - pixels
         return np.nan_to_num(e, nan=BEHIND_PX).ravel()
 
     delta, sigma_px = np.zeros(6), CORNER_SIGMA_PX

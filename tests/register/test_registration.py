@@ -4,10 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from effects.base import View
 from markers.contract import marker_corners_world
+from register.boards import BoardPoints
 from register.finders import Markers
-from register.outcomes import register_markers
-from register.registration import NO_PRIOR, pose_from_markers, prior_of, register_pose
+from register.outcomes import register_board, register_markers
+from register.registration import NO_PRIOR, ideal_lens, lens_of, pose_from_markers, prior_of, register_pose
 from rig.geometry import camera_matrix, perturb_pose, project, station_pose
 
 K = camera_matrix(600, 600, 399.5, 299.5)
@@ -46,6 +48,20 @@ def test_many_markers_overrule_the_prior():
     assert off(T, TRUE) < 0.001 < off(NOMINAL, TRUE)
     assert rms < 0.3
     assert np.all(se > 0) and np.all(se < SIGMA)
+
+
+def test_a_pose_is_found_behind_the_twins_lens():
+    """Fails if a lens that a twin has got is left out of its photographs' poses: its board would lie elsewhere than theirs."""
+    view = View(K, 800, 600, 0, np.eye(4), "c", "", "")
+    bent = [("radial_distortion", {"k1": -0.25, "k2": 0.0, "k3": 0.0}), ("focal_length", {"ratio": 1.15})]
+    lens, ideal = lens_of(view, bent), seen(TRUE, PLACES)
+    markers = Markers(ideal.world, lens(ideal.pixels, TRUE), ideal.sides_m)
+    points = BoardPoints(markers.world.reshape(-1, 3), markers.pixels.reshape(-1, 2), 9)
+    for register, of in ((register_markers, markers), (register_board, points)):
+        behind, without = (register(of, K, NOMINAL, NO_PRIOR, *given) for given in ((lens,), ()))
+        assert behind[1] == 9 and behind[2] < 0.3 < 3 < without[2]
+        assert off(behind[3], TRUE) < 0.001 < 0.01 < off(without[3], TRUE)
+    assert lens_of(view, [("lens_blur", {"sigma_px": 1.0, "softness": 1.0})]) is ideal_lens
 
 
 def test_the_prior_pulls_a_weak_capture():

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from draw_board_example import board_part, drawn, fitted_view, in_light_of, twins_of
+from draw_board_example import board_part, drawn, in_light_of, registered_view, twins_of
 from effects import pipeline
 from effects.base import View
 from register.boards import BoardPoints
@@ -45,7 +45,7 @@ def test_the_twin_with_what_was_found_looks_like_the_photograph():
     twins = twins_of(verdict)
     assert twins == ([], LENS)
     points = BoardPoints(board, image, 0)
-    views = [fitted_view(rendered, points, e) for e in twins]
+    views = [registered_view(rendered, points, e) for e in twins]
     light = dict.fromkeys(LIGHT, 0.0) | {
         "gain": np.log(0.7), "red": np.log(6 / 7), "blue": np.log(9 / 7), "stray": 0.02
     }  # fmt: skip
