@@ -306,8 +306,20 @@ def adopt(path, campaign, camera, effects):
                 f"{path}: {effect} has its numbers, which stay; write `{FIT}` for what a diagnosis is to fit"
             )
         entries.append(entry_of(effect, values, origin, standing))
+    if any(library.moves_points(entry["effect"]) for entry in entries):
+        entries += fitted_beside(diagnosis, adopted)
     add(path, entries, campaign, camera)
     return entries
+
+
+def fitted_beside(diagnosis, adopted):
+    """Return entries of what moves points in all twins of a diagnosis and gets no name: the focal length beside a lens."""
+    origin = f"fitted beside the lens by the diagnosis of {diagnosis.get('campaign')}/{diagnosis.get('camera')}"
+    return [
+        entry_of(effect, {k: (v, None) for k, v in p.items()}, origin, {})
+        for effect, p in diagnosis.get("nuisances", {}).items()
+        if library.moves_points(effect) and effect not in adopted
+    ]
 
 
 def say_what_was_adopted(path, entries):

@@ -98,6 +98,20 @@ def test_a_lens_too_small_for_a_name_is_adopted_as_the_whole_lens_has_it(place, 
     assert "fitted with the whole lens" in place.read_text() and f"{first}: 0.125" in place.read_text()
 
 
+@pytest.mark.parametrize(("effect", "beside"), [("radial_distortion", ["focal_length"]), ("lens_blur", [])])
+def test_a_lens_brings_the_focal_length_that_was_fitted_beside_it(place, tmp_path, effect, beside):
+    """Fails if a lens is taken without the focal length that it was found with, or a blur with one; or anything twice."""
+    path = tmp_path / "results/c/diagnosis/cam.json"
+    lens = STEP | {"effect": "radial_distortion", "parameters": {"k1": {"value": -0.25, "se": 0.01}}}
+    nuisances = {"focal_length": {"ratio": 1.2}, "exposure": {"scale": 1.3}}
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"steps": [lens, STEP], "nuisances": nuisances}))
+    assert run("cam", effect) == 0
+    assert sorted(dict(load_twin(place).effects)) == sorted([effect, *beside])
+    assert run("cam") == 0
+    assert sorted(dict(load_twin(place).effects)) == ["focal_length", "lens_blur", "radial_distortion"]
+    assert place.read_text().count("ratio: 1.2") == 1
+
+
 def test_comments_and_order_are_kept(place):
     """A file that people keep must not be rewritten behind their backs."""
     place.write_text(WRITTEN)
