@@ -20,7 +20,7 @@ from inputs import tables
 from inputs.campaign import Board
 from inputs.images import read_image
 from inputs.scene import load_scene
-from register.board_checks import MIN_PHOTOGRAPHS
+from register.board_checks import MIN_PHOTOGRAPHS, what_it_takes
 from register.boards import LEAST_POINTS
 from register.calibration import NAMES, matrix_of
 from register.registration import NO_PRIOR, pose_from_plane, prior_of
@@ -92,10 +92,10 @@ def load_views(expand, register_json, camera):
     return facts, captures, views
 
 
-def load_measured(expand, register_json, camera, observations):
+def load_measured(expand, register_json, camera, observations, least=MIN_PHOTOGRAPHS):
     """Return the measured problem of one camera: a gap.problem.Case, of a board a gap.board.BoardCase.
 
-    Raises ValueError where too few photographs show the board.
+    Raises ValueError where fewer photographs than ``least`` show the board.
     """
     if not json.loads((Path(expand) / "scene.json").read_text())["target"]:
         case, _ = load_case(expand, register_json, camera)
@@ -107,8 +107,8 @@ def load_measured(expand, register_json, camera, observations):
     sigma_pose = prior_of(facts["tolerance"])
     seen = np.isfinite(pixels).all(2)
     usable = seen.sum(1) >= LEAST_POINTS
-    if usable.sum() < MIN_PHOTOGRAPHS:
-        raise ValueError("too few photographs show the board: nothing could be held out")
+    if (number := int(usable.sum())) < least:
+        raise ValueError(f"{number} of {len(usable)} photographs show the board, and {what_it_takes(number, least)}")
     if not np.isfinite([view.T_cam_world for view in views]).all():
         sigma_pose = NO_PRIOR
         views = [

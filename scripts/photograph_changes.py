@@ -14,7 +14,7 @@ import numpy as np
 
 from case_files import MIN_PATCHES, load_measured, load_photographs, read_capture, save_points
 from effects import library
-from gap.changes import Changes, changes
+from gap.changes import MIN_CAPTURES, Changes, changes
 from gap.photographs import expected_corners
 from gap.signature import OF_CODEC, Photograph
 from gap.signature_changes import laid_on_numbers, signature_changes, why_not_comparable
@@ -49,7 +49,8 @@ class PhotographSet:
 
     def measured(self, camera, observations=None):
         """Return the problem of where points lie, from other ``observations`` than the set's own where given."""
-        return load_measured(self.expand, self.register_json, camera, observations or self.observations)
+        measured = observations or self.observations
+        return load_measured(self.expand, self.register_json, camera, measured, MIN_CAPTURES)
 
     def photographs(self, camera, views):
         """Return [gap.signature.Photograph], seen from {capture: view}; those that show no patches have no plates.

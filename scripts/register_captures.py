@@ -13,12 +13,13 @@ from tqdm import tqdm
 import job
 from effects.base import View
 from inputs import tables
+from inputs.baseline import MIN_CAPTURES
 from inputs.campaign import Board, inside
 from inputs.images import read_image
 from inputs.photo_facts import focal_px, photo_facts
 from inputs.safe_yaml import load_yaml, validation_message
 from register import calibration
-from register.board_checks import check_photographs, check_tilt
+from register.board_checks import MIN_PHOTOGRAPHS, check_photographs, check_tilt
 from register.finders import better_finder, board_finder, board_views, marker_finder, usable_views, views_of_markers
 from register.outcomes import register_board, register_markers
 from register.registration import lens_of, prior_of
@@ -28,6 +29,7 @@ from rig.geometry import camera_matrix, make_pose, split_pose
 log = logging.getLogger("twingap")
 IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".heic", ".heif")
 MOST_MESSAGES = 5
+OF_BASELINE = "before_"  # begins the names of the rules that make a baseline's results (rules/baseline.smk)
 
 
 def look_at_captures(campaign, captures, size, look):
@@ -102,12 +104,12 @@ def exif_focal_px(campaign, captures, size):
     return focal_px(focal_35mm, size) if focal_35mm else None
 
 
-def register_captures(expand, campaign, camera, out_csv, out_json, effects=()):
+def register_captures(expand, campaign, camera, out_csv, out_json, effects=(), least=MIN_PHOTOGRAPHS):
     """Check and register all captures of a camera; a designed experiment passes on its nominal intrinsics.
 
     expand is the folder of the tables; effects [(name, parameters)] of the twin that move points, behind which the poses are
-    fitted, the intrinsics not. Writes the table and the JSON that docs/register.md describes. Raises InputError for captures
-    that can't be what the tables say.
+    fitted, the intrinsics not; of a board at least so many photographs must be usable. Writes the table and the JSON that
+    docs/register.md describes. Raises InputError for captures that can't be what the tables say.
     """
     expand, messages = Path(expand), []
     facts = json.loads((expand / "scene.json").read_text())
@@ -127,7 +129,7 @@ def register_captures(expand, campaign, camera, out_csv, out_json, effects=()):
             images = (read_image(Path(campaign) / c.image) for c in captures.itertuples())
             where = f"{campaign}/campaign.yaml: target"
             seen = board_views(better_finder(found, size, messages), board, images, where, messages)
-            check_photographs(seen, board, opener(campaign, captures), where)
+            check_photographs(seen, board, opener(campaign, captures), where, least)
             views, register = usable_views(seen), register_board
         else:
             markers = tables.read_table(expand / "markers.csv", tables.MARKERS)
@@ -166,6 +168,14 @@ def _write(captures, hashes, outcomes, out_csv):
     tables.write_table(pd.DataFrame(rows, columns=list(tables.REGISTERED.columns)), out_csv, tables.REGISTERED)
 
 
+def least_usable(rule, baseline):
+    """Return how many photographs of a board a rule must find usable, in a run with a baseline's folder or None.
+
+    It is no parameter of the rule: a campaign's results are the same alone and compared, and would all be made again.
+    """
+    return MIN_CAPTURES if baseline or rule.startswith(OF_BASELINE) else MIN_PHOTOGRAPHS
+
+
 if __name__ == "__main__":
     job.run(
         register_captures,
@@ -176,4 +186,5 @@ if __name__ == "__main__":
         out_csv=snakemake.output.table,
         out_json=snakemake.output.intrinsics,
         effects=[(n, p) for n, p in snakemake.params.effects],
+        least=least_usable(snakemake.rule, snakemake.config["baseline"]),
     )

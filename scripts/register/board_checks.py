@@ -48,8 +48,8 @@ def listed(names):
     return ", ".join(names[:MAX_NAMES]) + more
 
 
-def check_photographs(found, board, open_image, where):
-    """Raise InputError where fewer than MIN_PHOTOGRAPHS show the board; it says what they show instead.
+def check_photographs(found, board, open_image, where, least=MIN_PHOTOGRAPHS):
+    """Raise InputError where fewer than ``least`` show the board; it says what they show instead.
 
     found       {name: BoardPoints}
     open_image  function of a name that returns the image
@@ -57,7 +57,7 @@ def check_photographs(found, board, open_image, where):
     """
     without = [name for name, v in found.items() if not fits(v, board)]
     usable = len(found) - len(without)
-    if usable >= MIN_PHOTOGRAPHS:
+    if usable >= least:
         return
     images = [_searchable(open_image(name)) for name in without[:MAX_TRIED]]
     why = what_is_shown(images, board) if images else None
@@ -65,10 +65,18 @@ def check_photographs(found, board, open_image, where):
         raise InputError(f"{where}: {why}")
     count = f"{usable} of {len(found)} photographs show the board" if without else f"{usable} photographs"
     missing = f" (not found in {listed(without)})" if usable and without else ""
-    advice = f"take {MIN_PHOTOGRAPHS - usable} more, sharp, with the whole board in view and from different sides"
-    if not usable:
-        advice = f"compare the print with the description, {_in_words(board)}, and look whether it is sharp and in view"
-    raise InputError(f"{where}: {count}{missing}, and a verdict takes {MIN_PHOTOGRAPHS}: {advice}")
+    other_print = (
+        f"compare the print with the description, {_in_words(board)}, and look whether it is sharp and in view"
+    )
+    advice = None if usable else other_print
+    raise InputError(f"{where}: {count}{missing}, and {what_it_takes(usable, least, advice)}")
+
+
+def what_it_takes(usable, least, advice=None):
+    """Return how many photographs are needed, ``least``, and what to do where fewer are usable, more of them where not told."""
+    purpose = "a verdict" if least == MIN_PHOTOGRAPHS else "a comparison"
+    more = f"take {least - usable} more, sharp, with the whole board in view and from different sides"
+    return f"{purpose} takes {least}: {advice or more}"
 
 
 def check_tilt(views, fit, where, focal_px=None):

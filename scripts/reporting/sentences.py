@@ -140,7 +140,9 @@ def changes_words(diagnosis):
         )
     if diagnosis["verdict"] == "unexplained":
         words.append("Something has changed that no known effect explains.")
-    return " ".join(words) + not_looked_at_words(diagnosis)
+    why = diagnosis.get("alone", {}).get("why")
+    alone = f" Of what these captures show by themselves nothing could be diagnosed: {why}." if why else ""
+    return " ".join(words) + alone + not_looked_at_words(diagnosis)
 
 
 def change_words(step):
