@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from reporting.sentences import changes_words
+from reporting.sentences import changes_words, needs_words
 from rig.words import LADDER, gap_along, with_error
 
 MOST_CANDIDATES = 12
@@ -135,7 +135,7 @@ def words(diagnosis):
         lines.append(
             f"To tell {pair}, measure next from a height of {station['height_m']:g} m at a tilt of {station['tilt_deg']:g}°."
         )
-    return "\n\n".join(lines)
+    return "\n\n".join(filter(None, [*lines, needs_words(diagnosis).strip()]))
 
 
 def ladder_figure(ladder, camera):

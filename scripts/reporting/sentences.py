@@ -122,12 +122,26 @@ def or_others(step):
 
 
 def needs_words(diagnosis):
-    """Return what further photographs would tell, a sentence an instruction."""
+    """Return what photographs of a board cannot tell, a sentence, what further ones would, a sentence an instruction, and what
+    none that were tried would.
+    """
+    hidden = [plain(name) for name in diagnosis.get("not_told", [])]
+    words = f" These photographs would not show {listed(hidden)} at a size worth naming." if hidden else ""
     by_instruction = {}
     for need in diagnosis.get("needs", []):
         what, _, instruction = need["text"].partition(": ")
         by_instruction.setdefault(instruction, []).append(what.removeprefix("to tell "))
-    return "".join(f" To tell {listed(what)}: {instruction}." for instruction, what in by_instruction.items())
+    words += "".join(f" To tell {listed(what)}: {instruction}." for instruction, what in by_instruction.items())
+    told = {what for of_one in by_instruction.values() for what in of_one}
+    left = [what for what in [*hidden, *alike_words(diagnosis)] if what not in told]
+    return words + (f" None of the instructions that were tried would tell {listed(left)}." if left else "")
+
+
+def alike_words(diagnosis):
+    """Return [``this from that``] of the effects that a board's photographs cannot tell apart, as in the texts of ``needs``."""
+    steps = diagnosis["steps"] if "needs" in diagnosis else []
+    pairs = [(other, s["effect"]) for s in steps for other in s.get("one_of", []) if other != s["effect"]]
+    return [f"{plain(other)} from {plain(effect)}" for other, effect in pairs]
 
 
 def changes_words(diagnosis):

@@ -4,6 +4,7 @@ import pytest
 
 from reporting.sentences import verdict_words
 from rig.words import with_error
+from workflow_runs import PROJECT
 
 STEP = {
     "effect": "pixel_aspect", "parameters": {"ratio": {"value": 1.006, "se": 0.001}}, "gap_before": 1.7, "gap_after": 0.95,
@@ -20,6 +21,35 @@ def test_names_that_cannot_be_told_apart_and_what_would_tell_them():
     assert f"To tell print stretch and board bend: {ROLL}." in said
     assert "cannot tell it apart" not in said
     assert said.count(ROLL) == 1
+
+
+HIDDEN = {"verdict": "adequate", "steps": [], "not_told": ["print_stretch", "board_bend"]}
+
+
+def test_what_cannot_be_told_is_said_with_what_would_or_that_nothing_would():
+    """Fails if what no instruction shows is passed over, one that does is denied, or nothing is said where all is told."""
+    said = verdict_words(HIDDEN | {"needs": NEEDS[:1]})
+    assert "These photographs would not show print stretch and board bend at a size worth naming." in said
+    assert f"To tell print stretch: {ROLL}. None of the instructions that were tried would tell board bend." in said
+    assert "None of" not in verdict_words(HIDDEN | {"needs": NEEDS})
+    assert verdict_words(HIDDEN | {"not_told": [], "needs": []}).endswith("down to the floor.")
+
+
+def test_names_that_no_instruction_tells_apart_are_said():
+    """Fails if a reader waits for photographs that would tell two names apart, or is told so of names that some would."""
+    need = {"effect": "rolling_shutter", "text": f"to tell rolling shutter from pixel aspect: {ROLL}"}
+    diagnosis = {"verdict": "explained", "steps": [STEP], "needs": []}
+    assert "tried would tell rolling shutter from pixel aspect." in verdict_words(diagnosis)
+    assert "None of" not in verdict_words(diagnosis | {"needs": [need]})
+
+
+def test_the_page_of_the_diagnosis_says_it_too(monkeypatch):
+    """Fails if the diagnosis's own page leaves out what the report's first page says of further photographs."""
+    monkeypatch.syspath_prepend(PROJECT / "notebooks")
+    import diagnosis_figures
+
+    said = diagnosis_figures.words(HIDDEN | {"camera": "phone", "gap": 1.0, "where": [], "needs": NEEDS[:1]})
+    assert "would not show print stretch" in said and "tried would tell board bend." in said
 
 
 @pytest.mark.parametrize(("names", "said"), [(["radial_distortion", "principal_point"], True), ([], False)])
