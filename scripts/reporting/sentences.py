@@ -2,10 +2,14 @@
 
 import pandas as pd
 
+from rig.light import hidden_groups
 from rig.words import LADDER, gap_along, plain, with_error
 
 MOST_TOLD = 12  # parameters of one effect that a sentence can hold
 FEW_NOT_LOOKED_AT = 2
+AROUND_A_BOARD = (
+    "What lies about the board is not modelled: the twin has even grey ground there, and no number is taken from it."
+)
 NEAR_FLOOR = 1.2  # a gap up to this is told as the floor
 
 
@@ -38,13 +42,17 @@ def compared(scene, markers, cameras, stations, captures):
 
 
 def assumed(scene):
-    """Return a sentence on what nobody has declared and what the twin takes it for; none where all is declared."""
+    """Return sentences on what nobody has declared and what the twin takes it for; none of a rig where all is declared."""
     left_open = scene.get("left_open", [])
     if not left_open:
-        return []
+        return [AROUND_A_BOARD] if scene.get("target") else []
     words = f"Not declared: {listed(plain(key) for key in left_open)}. They may differ from photograph to photograph; "
     if scene.get("target"):
-        return [f"{words}each one's twin takes them as the board's own white and black show them."]
+        return [
+            f"{words}each one's twin takes them as the board's own white and black show them.",
+            *hidden_words(left_open),
+            AROUND_A_BOARD,
+        ]
     values = {
         "light": "the light for even",
         "exposure": f"the exposure for {scene.get('exposure')}",
@@ -55,6 +63,12 @@ def assumed(scene):
     for_all = ", reflectances for all captures alike," if "reflectance" in left_open else ""
     fitted = f"The diagnosis fits each capture's own{for_all} and blames nothing on them."
     return [f"{words}the twin's images take {listed(values[key] for key in left_open)}. {fitted}"]
+
+
+def hidden_words(left_open):
+    """Return a sentence on what hides one another in photographs of a board, a group each; none where nothing does."""
+    groups = "; ".join(listed(group) for group in hidden_groups(left_open))
+    return [f"These hide one another, and are told together alone: {groups}."] if groups else []
 
 
 def listed(names):

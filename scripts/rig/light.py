@@ -13,6 +13,11 @@ LEFT_OPEN = {  # which numbers of it are unknown where a campaign does not decla
     "white_balance": ("red", "blue"),
     "reflectance": ("gain", "stray"),
 }
+HIDE_ONE_ANOTHER = (  # {what a campaign may leave open, None of what is never declared: what looks like the others of its group}
+    {"exposure": "the exposure", "light": "the lamp's strength", "reflectance": "the white of the print"},
+    {"white_balance": "the colour balance", "light": "the lamp's colour"},
+    {"reflectance": "the black of the print", "light": "glare", None: "the curve's foot"},
+)
 FARTHEST = 2.0  # place up to which the light goes on; beyond it stays
 
 
@@ -50,6 +55,12 @@ def in_own_light(radiance, light, view, place):
     u, v, w = (H[k, 0] * columns + H[k, 1] * rows + H[k, 2] for k in range(3))
     w = np.where(np.abs(w) > 1e-6, w, np.float32(1e-6))  # the board's horizon: nothing of it is there
     return lit(radiance[..., None], light, *place(u / w, v / w))
+
+
+def hidden_groups(left_open):
+    """Return [[words]] of what hides one another in photographs of a board of a campaign that leaves some things open."""
+    groups = [[words for key, words in group.items() if key is None or key in left_open] for group in HIDE_ONE_ANOTHER]
+    return [group for group in groups if len(group) > 1]
 
 
 def free_numbers(left_open):

@@ -1,5 +1,7 @@
 """What a campaign leaves open, in the report's words."""
 
+import pytest
+
 from reporting.sentences import assumed, verdict_words
 
 SCENE = {"left_open": ["exposure"], "exposure": 1.0, "reflectance": {"white": 0.8}}
@@ -19,3 +21,33 @@ def test_what_is_fitted_for_all_is_said_only_where_it_is_open():
     both = assumed(SCENE | {"left_open": ["exposure", "reflectance"]})[0]
     assert "own, reflectances for all captures alike, and" in both
     assert assumed(SCENE | {"left_open": []}) == []
+
+
+BOARD = {"target": {"type": "chessboard"}}
+GROUPS = {
+    "light": ["glare and the curve's foot"],
+    "exposure light": ["the exposure and the lamp's strength", "glare and the curve's foot"],
+    "white_balance light": ["the colour balance and the lamp's colour", "glare and the curve's foot"],
+    "exposure": [],
+    "light exposure white_balance reflectance": [
+        "the exposure, the lamp's strength and the white of the print",
+        "the colour balance and the lamp's colour",
+        "the black of the print, glare and the curve's foot",
+    ],
+}
+
+
+@pytest.mark.parametrize("left_open", GROUPS)
+def test_what_hides_one_another_on_a_board_is_said(left_open):
+    """Fails if a print's white is told as known though the lamp is not, or what was declared is said to be hidden."""
+    said = " ".join(assumed(BOARD | {"left_open": left_open.split()}))
+    groups = "; ".join(GROUPS[left_open])
+    assert (f"hide one another, and are told together alone: {groups}." in said) == bool(groups)
+    assert ("hide one another" in said) == bool(groups)
+
+
+def test_what_lies_about_a_board_is_said_to_be_left_out():
+    """Fails if a twin's grey ground passes for what the photograph shows there, or a rig, which has none, is told of it."""
+    for left_open in ([], ["exposure"]):
+        assert "What lies about the board is not modelled" in assumed(BOARD | {"left_open": left_open})[-1]
+        assert "about the board" not in " ".join(assumed(SCENE | {"left_open": left_open}))
