@@ -1,9 +1,11 @@
 """Whether an earlier campaign can be a baseline: the same cameras and the same board or rig, other photographs."""
 
+import itertools
 from pathlib import Path
 
 from inputs.campaign import load_campaign
 from inputs.images import check_captures
+from inputs.photo_facts import photo_facts
 from rig.errors import InputError
 
 MIN_CAPTURES = 5  # of a camera, in either campaign
@@ -26,6 +28,7 @@ def check_baseline(campaign, folder):
     _check_rig(campaign, baseline)
     for camera in sorted(set(campaign.captures.camera)):
         _check_camera(campaign, baseline, camera)
+        _check_makers(campaign, baseline, camera)
     _check_photographs(campaign, baseline)
 
 
@@ -78,6 +81,34 @@ def _check_camera(campaign, baseline, camera):
                 f"{where.folder}/{where.file.captures}: {number} captures by {camera!r}; at least {MIN_CAPTURES} are needed to "
                 "say what has changed: take more"
             )
+
+
+def _check_makers(campaign, baseline, camera):
+    """Refuse captures that another camera took, as the files of both campaigns say."""
+    paths = [
+        [c.folder / image for image in c.captures.image[c.captures.camera == camera]] for c in (campaign, baseline)
+    ]
+    if not _are_others(*(makers_of(some[:1]) for some in paths)):  # to look into all files takes long, of PNG most
+        return
+    mine, other = map(makers_of, paths)
+    if _are_others(mine, other):
+        words = [", ".join(sorted(" ".join(filter(None, maker)) for maker in makers)) for makers in (other, mine)]
+        raise InputError(
+            f"{baseline.folder}: by their EXIF the photographs by {camera!r} are of another camera, {words[0]}, than those of "
+            f"{campaign.folder}, {words[1]}; compare photographs by one camera"
+        )
+
+
+def makers_of(paths):
+    """Return {(make, model)} of files, as they say (inputs.photo_facts), None for what they do not."""
+    facts = map(photo_facts, paths)
+    return {(f["make"], f["model"]) for f in facts} - {(None, None)}
+
+
+def _are_others(mine, other):
+    """Return whether each {(make, model)} contradicts each of others; of nothing said nothing does."""
+    pairs = list(itertools.product(mine, other))
+    return bool(pairs) and all(any(a and b and a != b for a, b in zip(*pair, strict=True)) for pair in pairs)
 
 
 def _check_photographs(campaign, baseline):

@@ -5,6 +5,8 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from PIL import Image
+from PIL.ExifTags import Base
 
 from inputs.baseline import check_baseline
 from inputs.campaign import load_campaign
@@ -76,6 +78,33 @@ def test_another_camera_size_or_board_is_refused(now, tmp_path):
     assert "other nominal intrinsics" in refused(now, known)
     board = {"type": "chessboard", "columns": 8, "rows": 6, "square_m": 0.025}
     assert "target is not that of" in refused(now, campaign(tmp_path / "d", target=board))
+
+
+def taken_with(folder, *said):
+    """Write make and model, a pair a photograph, None for nothing, into a campaign's photographs; return its folder."""
+    for path, makers in zip(sorted(folder.glob("*.png")), said, strict=False):
+        with Image.open(path) as image:
+            exif = Image.Exif()
+            exif.update({k: v for k, v in zip((Base.Make, Base.Model), makers, strict=True) if v})
+            image.save(path, exif=exif)
+    return folder
+
+
+def test_a_camera_that_files_say_is_another_is_refused(now, tmp_path):
+    """Fails if photographs by another camera, under the same name, are compared: all that the two differ in would be a change."""
+    taken_with(now.folder, *[("Maker", "Phone 3")] * 5)
+    message = refused(now, taken_with(campaign(tmp_path / "a"), *[("Maker", "Phone 4")] * 5))
+    assert "another camera, Maker Phone 4, than those of" in message and "Maker Phone 3;" in message
+    assert "another camera, Other, than" in refused(now, taken_with(campaign(tmp_path / "b"), *[("Other", None)] * 5))
+
+
+@pytest.mark.parametrize(
+    "said", [[("Maker", "Phone 4"), ("Maker", "Phone 3")], [("Maker", None)] * 5, [(None, "Phone 3")] * 5, []]
+)
+def test_what_does_not_contradict_is_no_other_camera(now, tmp_path, said):
+    """Fails if one photograph by another camera, a missing model or make, or files that say nothing, end a comparison."""
+    taken_with(now.folder, *[("Maker", "Phone 3")] * 5)
+    check_baseline(now, taken_with(campaign(tmp_path / "then"), *said))
 
 
 def test_too_few_captures_are_refused(now, tmp_path):
