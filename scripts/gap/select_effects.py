@@ -32,7 +32,6 @@ from gap.standing import (
     is_at_floor,
     is_enough,
     is_open,
-    verdict_of,
 )
 from gap.twin import rank
 
@@ -110,12 +109,17 @@ def _one_by_one(selection, base, first, before, together):
         best = together
     on_another_way = best.share_left < CLOSED or (ways and is_open(best.twin, ways[0].main_group, before))
     for way in ways[1:] if on_another_way else []:
-        if best.is_closed or selection.is_spent():
+        if _is_good(selection, best) or selection.is_spent():
             break
         other = path(selection, base, first, before, way.effect)
         if other.share_left < 0.5 * best.share_left:  # the way of the best steps has the benefit
             best = other
     return best
+
+
+def _is_good(selection, outcome):
+    """Return whether no other way is tried beside an Outcome's."""
+    return outcome.verdict == "explained" if selection.search.problem.is_of_signs else outcome.is_closed
 
 
 def path(selection, base, first, before, start_with=None, taken=()):
@@ -130,7 +134,8 @@ def path(selection, base, first, before, start_with=None, taken=()):
     steps, candidates, names = list(taken), rank(first), [c.effect for c in first]
     while not selection.is_spent():
         missing = [c for c in candidates if is_missing_from(search, twin, c)]
-        if not missing and search.problem.promises_little and verdict_of(steps, twin) == "unexplained":
+        here = outcome_of(search.problem, steps, rank(candidates), twin, before)
+        if not missing and search.problem.is_of_signs and here.verdict == "unexplained":
             candidates = try_by_short_fits(search, twin, candidates)
             missing = [c for c in candidates if is_missing_from(search, twin, c)]
         if not missing:

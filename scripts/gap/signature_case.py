@@ -138,7 +138,7 @@ class SignatureCase:
     signs: np.ndarray
     own = nuisances = ()
     most_captures, most_held_out = 4, 10
-    draws = is_board = promises_little = True
+    draws = is_board = is_of_signs = True
     floor_within = 1.0
     sigma_pose = np.zeros(0)
 
