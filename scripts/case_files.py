@@ -9,7 +9,7 @@ import numpy as np
 
 from effects import library
 from effects.base import View
-from gap.board import board_case, local_noise_px, without_alternation
+from gap.board import board_case, local_noise_px, without_alternation, without_pixel_locking
 from gap.measure.capture import Codes, Observation, read_rgb
 from gap.measure.plate import N_FEATURES
 from gap.photographs import photographs_case
@@ -119,6 +119,7 @@ def load_measured(expand, register_json, camera, observations, least=MIN_PHOTOGR
     is_checkered = facts["target"]["type"] in CHECKERED
     if is_checkered:
         pixels = without_alternation(points, pixels, facts["target"]["square_m"])
+    pixels = without_pixel_locking(points, pixels, without_lens(pixels, register_json))
     row = tables.read_table(Path(expand) / "cameras.csv", tables.CAMERAS).set_index("camera").loc[camera]
     noise_px = local_noise_px(points, without_lens(pixels, register_json), int(is_checkered))
     given = np.isfinite(row.fx), sigma_pose

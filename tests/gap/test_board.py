@@ -14,7 +14,14 @@ from effects import library, pipeline
 from effects.base import Scene, View
 from expand_tables import expand_tables
 from gap import search, select_effects, standing, whole_lens
-from gap.board import board_case, local_noise_px, scales_alone, seen_by_points, without_alternation
+from gap.board import (
+    board_case,
+    local_noise_px,
+    scales_alone,
+    seen_by_points,
+    without_alternation,
+    without_pixel_locking,
+)
 from gap.derivatives import flat
 from gap.select_effects import verdict
 from gap.whole_lens import left_out_px, whole_lens_record, with_whole_lens
@@ -196,6 +203,25 @@ def test_what_corners_alternate_by_is_taken_out_of_each_photograph():
     moved[np.arange(len(moved)), np.isfinite(moved).all(2).argmax(1)] += 30.0
     off = np.sort(np.abs(without_alternation(POINTS, moved, 0.025) - pixels), axis=None)
     assert off[np.isfinite(off)][: -2 * len(moved)].max() < 0.3
+
+
+LEANING_PX = 0.05
+
+
+def test_what_a_finder_leans_to_the_grid_of_pixels_is_taken_out():
+    """Fails if points keep a finder's bias between pixels, or points without one get one; if a wrong corner says how large it is,
+    or if where a point lies between pixels is asked of places that no finder saw, a lens's distortion taken out.
+    """
+    straight, bent = (
+        photographs(hidden, number=20, noise_px=0.03)[1]
+        for hidden in ([], [("radial_distortion", {"k1": -0.2, "k2": 0.05, "k3": 0.0})])
+    )
+    leaning = LEANING_PX * np.sin(2 * np.pi * bent)
+    wrong = np.zeros_like(bent)
+    wrong[np.arange(5), np.isfinite(bent[:5]).all(2).argmax(1)] = 40.0
+    for bias in (leaning, 0 * leaning):
+        cleaned = without_pixel_locking(POINTS, bent + bias + wrong, straight + bias + wrong)
+        assert np.nanmax(np.abs(cleaned - wrong - bent)[np.nan_to_num(wrong) == 0]) < 0.3 * LEANING_PX
 
 
 @pytest.mark.parametrize(
