@@ -92,6 +92,14 @@ def calibration_views(campaign, camera, size, messages):
     return usable_views(board_views(better_finder(found, size, messages), board, images, str(where), messages))
 
 
+def calibrations(views, size, campaign, camera):
+    """Return register.calibration.calibrate_all's fits; its InputError names the camera."""
+    try:
+        return calibration.calibrate_all(views, size)
+    except InputError as error:
+        raise InputError(f"{campaign}: camera {camera}: {error}") from None
+
+
 def opener(campaign, captures):
     """Return a function of a capture's name that returns its image."""
     images = dict(zip(captures.capture, captures.image, strict=True))
@@ -135,7 +143,7 @@ def register_captures(expand, campaign, camera, out_csv, out_json, effects=(), l
             markers = tables.read_table(expand / "markers.csv", tables.MARKERS)
             hashes, seen = look_at_captures(campaign, captures, size, marker_finder(markers))
             views, register = views_of_markers(seen), register_markers
-        fits = calibration.calibrate_all(folder_views or (views if facts["target"] else {}), size)
+        fits = calibrations(folder_views or (views if facts["target"] else {}), size, campaign, camera)
         if known is None and facts["target"] and not folder_views:
             where = f"{campaign}/campaign.yaml: cameras.{camera}"
             check_tilt(views, fits["5"], where, exif_focal_px(campaign, captures, size))

@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 
+from rig.errors import InputError
 from rig.geometry import camera_matrix
 
 NO_DISTORTION = cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3
@@ -18,13 +19,21 @@ def calibrate(views, size, flags, K=None, distortion=None):
 
     K (3, 3) and distortion are where the fit starts; without K OpenCV finds a start, for flat boards only.
     Return {"rms_px", "parameters", "se", "views_rms_px"}: the RMS length of the residuals, over all and a view,
-    and one standard deviation of each parameter.
+    and one standard deviation of each parameter. Raises InputError where OpenCV finds no camera for the points.
     """
     board = [v.board.astype(np.float32) for v in views.values()]
     image = [v.image.astype(np.float32) for v in views.values()]
     flags |= cv2.CALIB_USE_INTRINSIC_GUESS if K is not None else 0
     K = None if K is None else K.copy()  # OpenCV fits in place
-    rms, K, dist, _, _, se, _, per_view = cv2.calibrateCameraExtended(board, image, size, K, distortion, flags=flags)
+    try:
+        rms, K, dist, _, _, se, _, per_view = cv2.calibrateCameraExtended(
+            board, image, size, K, distortion, flags=flags
+        )
+    except cv2.error as error:
+        raise InputError(
+            f"no camera sees the board's points where the photographs show them ({error.err}): compare the description of "
+            "the board with the print, and take photographs from different sides"
+        ) from None
     count = 8 if flags & cv2.CALIB_RATIONAL_MODEL else 5
     values = [K[0, 0], K[1, 1], K[0, 2], K[1, 2], *np.ravel(dist)[:count]]
     return {

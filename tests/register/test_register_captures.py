@@ -11,7 +11,10 @@ import yaml
 
 from case_files import load_case, read_capture
 from expand_tables import expand_tables
-from register_captures import register_captures
+from inputs.campaign import Board
+from inputs.images import read_image
+from register import boards
+from register_captures import calibrations, register_captures
 from rig.errors import InputError
 from rig.geometry import camera_matrix, make_pose, project, station_pose
 from rig.plates import code_cells
@@ -46,6 +49,17 @@ def test_a_campaign_without_a_marker_is_a_result(tmp_path):
     assert np.allclose(make_pose(pose[:3], pose[3:]), station_pose(0.3, 45))
     assert [record[k] for k in ("fx", "fy", "cx", "cy")] == [50, 50, 31.5, 23.5]
     assert record["messages"] == ["2 of 2 captures show no marker or board"]
+
+
+def test_points_that_no_camera_shows_are_one_message():
+    """Fails if OpenCV's own error ends the run: markers in the squares of a board, described as a grid of 4 x 8."""
+    grid = Board(type="aruco_grid", dictionary="DICT_4X4_1000", columns=4, rows=8, marker_m=0.01905, gap_m=0.006)
+    images = [read_image(p) for p in sorted(shared("real/charuco_lifecam_480").glob("*.jpg"))[:8]]
+    views = {str(k): boards.find_board(image, grid) for k, image in enumerate(images)}
+    with pytest.raises(
+        InputError, match=r"^here: camera left: no camera sees .* \(Principal point.*compare the description"
+    ):
+        calibrations(views, (640, 480), "here", "left")
 
 
 def test_a_truncated_capture(tmp_path):
