@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from register import boards
+from register import board_counts, boards
 from register.calibration import matrix_of
 from register.registration import pose_from_plane
 from rig.board_markers import board_markers
@@ -13,6 +13,7 @@ MIN_PHOTOGRAPHS = 6  # for a verdict: half of them judge what the others have fi
 MAX_OFF_SQUARES = 0.5  # a wide lens moves corners of the right board by up to 0.2, another layout by more than 1
 MIN_TILT_DEG, MAX_FOCAL_SE = 5.0, 0.05  # of the most tilted view; standard error over focal length
 MAX_TRIED, MAX_SIDE_PX, MIN_MARKERS, MAX_NAMES = 3, 2000, 4, 5
+MAX_COUNTED = 24  # photographs in which a board's markers are counted
 MAX_EDGE_PX, WINDOW_PX = 4.5, 31  # sharp photographs have 2 to 2.5; a Gaussian of sigma px has 2.5 sigma
 FAMILIES = (
     "DICT_4X4", "DICT_5X5", "DICT_6X6", "DICT_7X7", "DICT_ARUCO_ORIGINAL", "DICT_ARUCO_MIP_36h12", "DICT_APRILTAG_16h5",
@@ -49,7 +50,8 @@ def listed(names):
 
 
 def check_photographs(found, board, open_image, where, least=MIN_PHOTOGRAPHS):
-    """Raise InputError where fewer than ``least`` show the board; it says what they show instead.
+    """Raise InputError where fewer than ``least`` show the board, or all show one of other rows or markers of another size; it
+    says what they show instead.
 
     found       {name: BoardPoints}
     open_image  function of a name that returns the image
@@ -58,6 +60,7 @@ def check_photographs(found, board, open_image, where, least=MIN_PHOTOGRAPHS):
     without = [name for name, v in found.items() if not fits(v, board)]
     usable = len(found) - len(without)
     if usable >= least:
+        check_markers([name for name in found if name not in without], board, open_image, where)
         return
     images = [_searchable(open_image(name)) for name in without[:MAX_TRIED]]
     why = what_is_shown(images, board) if images else None
@@ -77,6 +80,85 @@ def what_it_takes(usable, least, advice=None):
     purpose = "a verdict" if least == MIN_PHOTOGRAPHS else "a comparison"
     more = f"take {least - usable} more, sharp, with the whole board in view and from different sides"
     return f"{purpose} takes {least}: {advice or more}"
+
+
+def check_markers(names, board, open_image, where):
+    """Raise InputError where photographs that show a board's points show more or fewer rows of markers, or other markers.
+
+    names  of the photographs; open_image and where as of ``check_photographs``
+    """
+    if board.type == "chessboard":
+        return
+    some = names[:: -(-len(names) // MAX_COUNTED)]
+    views = board_counts.views_of(map(open_searchable(open_image), some), board.dictionary)
+    why = _wrong_size(views, board) or _wrong_rows(views, board)
+    if why and len(some) < len(names):  # what is covered in some may be seen in others
+        views = board_counts.views_of(map(open_searchable(open_image), names), board.dictionary)
+        why = _wrong_size(views, board) or _wrong_rows(views, board)
+    if why:
+        raise InputError(f"{where}: {why}")
+
+
+def open_searchable(open_image):
+    """Return a function of a name that returns its image, grey and not too large for finders."""
+    return lambda name: _searchable(open_image(name))
+
+
+def _wrong_rows(views, board):
+    """Return that photographs (as of register.board_counts) show other rows of markers than described, None where not."""
+    rows = board_counts.rows_shown(views, board)
+    if rows > board.rows:
+        return f"the board's markers go on below the last of the described {board.rows} rows: write rows: {rows}"
+    if rows < board.rows:
+        return (
+            f"no photograph shows a marker below row {rows}, though the place of row {rows + 1} is in view: write "
+            f"rows: {rows}, or uncover the board's other rows, as all {board.rows} are compared with the photographs"
+        )
+    return None
+
+
+def _wrong_size(views, board):
+    """Return that the markers of photographs (as of register.board_counts) have another size or shape than described."""
+    described, shown = board.marker_m / board_counts.pitch_m(board), board_counts.marker_share(views, board)
+    if shown is None or (np.abs(shown / described - 1) < board_counts.MAX_SHARE_OFF).all():
+        return None
+    if max(shown) > 1.2 * min(shown):
+        other = board_counts.other_layout(views[:MAX_TRIED], board)
+        return (other and _other_board(other, board)) or (
+            f"the photographs show markers {shown[0]:.2f} of their distance wide and {shown[1]:.2f} high, and the description "
+            f"({_in_words(board)}) means squares: compare its type, columns and rows with the print"
+        )
+    share, key = shown.mean(), "square_m" if board.type == "charuco" else "gap_m"
+    pitch_m = board.marker_m / share
+    fits_marker = pitch_m if key == "square_m" else pitch_m - board.marker_m
+    return (
+        f"a marker's side is {share:.2f} of the distance from one {'square' if key == 'square_m' else 'marker'} to the next in "
+        f"the photographs, and {described:.2f} in the description: measure both on the print; if marker_m: {board.marker_m:g} "
+        f"is right, {key} is {max(fits_marker, 0):.3g}"
+    )
+
+
+def _other_board(other, board):
+    """Return what photographs show, a board of other counts, type or pattern, and what to write; None if it is the same."""
+    write = f"write columns: {other.columns}, rows: {other.rows}"
+    if other.type != board.type and "charuco" in (other.type, board.type):
+        kind = "a ChArUco board" if other.type == "charuco" else "a grid of markers"
+        pattern = f", legacy_pattern: {_yaml(other)}" if other.type == "charuco" else ""
+        lengths = "square_m and marker_m" if other.type == "charuco" else "marker_m and gap_m"
+        return (
+            f"the photographs show {kind}: write type: {other.type}, dictionary: {other.dictionary}, "
+            f"columns: {other.columns}, rows: {other.rows}{pattern}, and {lengths} as measured on the print"
+        )
+    if other.legacy_pattern != board.legacy_pattern and other.rows % 2 == 0:
+        return f"the photographs show another board: {write}, legacy_pattern: {_yaml(other)}"
+    if (other.columns, other.rows) == (board.columns, board.rows):
+        return None
+    if (other.columns, other.rows) == (board.rows, board.columns):
+        return f"the photographs show the board with columns and rows swapped: {write}"
+    if board.type == "charuco" and (other.columns, other.rows) == (board.columns + 1, board.rows + 1):
+        return f"a ChArUco board's columns and rows count its squares, not inner corners: {write}"
+    shown = f"the photographs show a board of {other.columns} columns and {other.rows} rows"
+    return f"{shown}, not {board.columns} and {board.rows}: {write}"
 
 
 def check_tilt(views, fit, where, focal_px=None):
@@ -116,6 +198,12 @@ def what_is_shown(images, board):
 
     An explanation holds where the board is found by it in more than half of the images.
     """
+    if board.type != "chessboard":
+        views = board_counts.views_of(images, board.dictionary)
+        other = board_counts.other_layout(views, board)
+        why = other and _other_board(other, board)
+        if why:
+            return why
     for words, other, seen_as in _explanations(board):
         if 2 * sum(fits(boards.find_board(seen_as(image), other), other) for image in images) > len(images):
             return words
@@ -146,20 +234,8 @@ def _explanations(board):
                 _same,
             )
     else:
-        swapped = sized(board.rows, board.columns)
-        yield f"the photographs show the board with columns and rows swapped: {write(swapped)}", swapped, _same
         mirrored = "the board is mirrored: printed from a flipped file, shown by a mirror or flipped by a program"
         yield f"{mirrored}; print it again, or photograph it without any of that", board, _flipped
-    if board.type == "charuco":
-        squares = sized(board.columns + 1, board.rows + 1)
-        yield (
-            f"a ChArUco board's columns and rows count its squares, not inner corners: {write(squares)}",
-            squares,
-            _same,
-        )
-        for other in (swapped, squares):
-            legacy = other.model_copy(update={"legacy_pattern": not board.legacy_pattern})
-            yield f"the photographs show another board: {write(legacy)}, legacy_pattern: {_yaml(legacy)}", legacy, _same
 
 
 def _yaml(board):

@@ -9,43 +9,18 @@ import pytest
 import yaml
 
 from expand_tables import expand_tables
-from inputs.campaign import Board, load_campaign
+from inputs.campaign import Board
 from inputs.images import read_image
 from register import boards, calibration
 from register.board_checks import check_photographs, check_tilt, edge_width_px, fits, only_fitting
 from register_captures import register_captures
 from rig.errors import InputError
+from seen_boards import EMBEDDED, embedded, photographs, refused
 from shared_files import shared
-from workflow_runs import PROJECT
 
-EMBEDDED = PROJECT / "data/raw/aruco6x6_gridboard"
 MIRROR = Board(
     type="charuco", dictionary="DICT_4X4_250", columns=18, rows=10, square_m=0.02, marker_m=0.015
 )  # of charuco_gopro12_mirror, which is no campaign
-
-
-def embedded():
-    """Return the embedded photographs' folder."""
-    if not EMBEDDED.is_dir():
-        pytest.skip("needs the embedded photographs: run `make data`")
-    return EMBEDDED
-
-
-def photographs(folder, count):
-    """Return ({name: image}, Board) of the first photographs of a campaign."""
-    campaign = load_campaign(folder)
-    rows = campaign.captures.iloc[:count]
-    return {c.capture: read_image(folder / c.image) for c in rows.itertuples()}, campaign.file.target
-
-
-def refused(images, board):
-    """Return the one line with which photographs are refused."""
-    found = only_fitting({name: boards.find_board(image, board) for name, image in images.items()}, board, [])
-    with pytest.raises(InputError) as caught:
-        check_photographs(found, board, images.get, "here")
-    message = str(caught.value)
-    assert message.startswith("here: ") and "\n" not in message
-    return message
 
 
 def mirrored(image):
@@ -68,7 +43,7 @@ def out_of_focus(image):
     [
         ({"columns": 5, "rows": 4}, None, ["columns and rows swapped", "write columns: 4, rows: 5"]),
         ({"dictionary": "DICT_5X5_1000"}, None, ["markers of DICT_6X6_50, not of DICT_5X5_1000"]),
-        ({"columns": 3, "rows": 7}, None, ["markers 0 to 19", "3 columns, 7 rows", "count columns and rows again"]),
+        ({"columns": 3, "rows": 7}, None, ["4 columns and 5 rows, not 3 and 7", "write columns: 4, rows: 5"]),
         ({}, mirrored, ["mirrored", "print it again"]),
         ({}, out_of_focus, ["too blurred", "focus"]),
         ({}, lambda image: np.full_like(image, 90), ["0 of 7 photographs show the board", "4 columns, 5 rows"]),
