@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from register import board_counts, boards
+from register import board_counts, boards, chessboard_counts
 from register.calibration import matrix_of
 from register.registration import pose_from_plane
 from rig.board_markers import board_markers
@@ -60,7 +60,11 @@ def check_photographs(found, board, open_image, where, least=MIN_PHOTOGRAPHS):
     without = [name for name, v in found.items() if not fits(v, board)]
     usable = len(found) - len(without)
     if usable >= least:
-        check_markers([name for name in found if name not in without], board, open_image, where)
+        shown = {name: v for name, v in found.items() if name not in without}
+        if board.type == "chessboard":
+            check_squares(shown, board, open_image, where)
+        else:
+            check_markers(list(shown), board, open_image, where)
         return
     images = [_searchable(open_image(name)) for name in without[:MAX_TRIED]]
     why = what_is_shown(images, board) if images else None
@@ -87,8 +91,6 @@ def check_markers(names, board, open_image, where):
 
     names  of the photographs; open_image and where as of ``check_photographs``
     """
-    if board.type == "chessboard":
-        return
     some = names[:: -(-len(names) // MAX_COUNTED)]
     views = board_counts.views_of(map(open_searchable(open_image), some), board.dictionary)
     why = _wrong_size(views, board) or _wrong_rows(views, board)
@@ -97,6 +99,38 @@ def check_markers(names, board, open_image, where):
         why = _wrong_size(views, board) or _wrong_rows(views, board)
     if why:
         raise InputError(f"{where}: {why}")
+
+
+def check_squares(found, board, open_image, where):
+    """Raise InputError where a chessboard has more squares than described, or markers in its squares.
+
+    found  {name: BoardPoints} of photographs that show the described corners; others as of ``check_photographs``
+    """
+    some = list(found)[:MIN_PHOTOGRAPHS]
+    columns, rows = chessboard_counts.more_squares(
+        [(boards.grey_8bit(open_image(name)), found[name]) for name in some], board
+    )
+    images = list(map(open_searchable(open_image), some[:MAX_TRIED]))
+    why = _markers_in_squares(images, board)
+    if not why and columns + rows:
+        why = (
+            f"the chessboard goes on beyond {board.columns} columns and {board.rows} rows of inner corners: count them again, "
+            f"there are at least {board.columns + columns} columns and {board.rows + rows} rows"
+        )
+    if why:
+        raise InputError(f"{where}: {why}")
+
+
+def _markers_in_squares(images, board):
+    """Return that grey images of a described chessboard show a board of markers, None where not."""
+    for name in map(_largest, FAMILIES):
+        views = board_counts.views_of(images, name)
+        if sum(len(seen) for seen, _ in views) >= MIN_MARKERS * len(images):
+            other = board_counts.other_layout(views, board.model_copy(update={"dictionary": name}))
+            if other:
+                last = max(board_counts.layout(other).places)
+                return _other_board(other.model_copy(update={"dictionary": _smallest(name, last)}), board)
+    return None
 
 
 def open_searchable(open_image):
@@ -141,7 +175,7 @@ def _wrong_size(views, board):
 def _other_board(other, board):
     """Return what photographs show, a board of other counts, type or pattern, and what to write; None if it is the same."""
     write = f"write columns: {other.columns}, rows: {other.rows}"
-    if other.type != board.type and "charuco" in (other.type, board.type):
+    if other.type != board.type and {other.type, board.type} & {"charuco", "chessboard"}:
         kind = "a ChArUco board" if other.type == "charuco" else "a grid of markers"
         pattern = f", legacy_pattern: {_yaml(other)}" if other.type == "charuco" else ""
         lengths = "square_m and marker_m" if other.type == "charuco" else "marker_m and gap_m"
@@ -198,12 +232,13 @@ def what_is_shown(images, board):
 
     An explanation holds where the board is found by it in more than half of the images.
     """
-    if board.type != "chessboard":
-        views = board_counts.views_of(images, board.dictionary)
-        other = board_counts.other_layout(views, board)
+    if board.type == "chessboard":
+        why = _markers_in_squares(images, board)
+    else:
+        other = board_counts.other_layout(board_counts.views_of(images, board.dictionary), board)
         why = other and _other_board(other, board)
-        if why:
-            return why
+    if why:
+        return why
     for words, other, seen_as in _explanations(board):
         if 2 * sum(fits(boards.find_board(seen_as(image), other), other) for image in images) > len(images):
             return words
