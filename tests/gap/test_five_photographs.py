@@ -41,7 +41,7 @@ def measured(folder, campaign):
         folder / p for p in ("expand/scene.json", "register.json", "observations.npz", "alone.json")
     )
     expand_tables(campaign, None, CAMERA, scene.parent)
-    register_captures(scene.parent, campaign, CAMERA, register.with_suffix(".csv"), register, MIN_CAPTURES)
+    register_captures(scene.parent, campaign, CAMERA, register.with_suffix(".csv"), register, least=MIN_CAPTURES)
     observe_captures(scene.parent, register, campaign, CAMERA, seen)
     diagnose_camera(
         scene.parent, register, campaign, CAMERA, seen, None, None, [], [], ["focal_length"], 100, 1, [], [],
