@@ -73,11 +73,15 @@ def test_cells_tell_what_points_cannot(tmp_path):
     ]
     raw = Path(__file__).resolve().parents[2] / "data/raw/aruco6x6_gridboard"
     verdict, ladder, _ = verdict_on(raw, tmp_path, candidates, cells=True)
-    assert [step["effect"] for step in verdict["steps"]] == ["sensor_noise", "denoising"]
+    names = [step["effect"] for step in verdict["steps"]]
+    assert sorted(names) == [
+        "denoising",
+        "sensor_noise",
+    ]  # in either order: they promise nearly alike
     assert set(verdict["not_looked_at"]) == {"exposure", "ink_reflectance"}
     assert verdict["points"]["verdict"] == "adequate" and verdict["points"]["gap"] == verdict["groups"]["corners"]
     first, second = verdict["steps"]
     assert (first["gap_before"], second["gap_after"]) == (verdict["gap_as_configured"], verdict["gap"])
-    assert ladder.effect.tolist() == ["ideal", "sensor_noise", "denoising"] and ladder.gap.is_monotonic_decreasing
+    assert ladder.effect.tolist() == ["ideal", *names] and ladder.gap.is_monotonic_decreasing
     assert ladder.gap.tolist() == pytest.approx([verdict["gap_as_configured"], first["gap_after"], verdict["gap"]])
     assert (ladder.gap_low < ladder.gap).all() and (ladder.gap < ladder.gap_high).all()
