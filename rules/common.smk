@@ -272,9 +272,9 @@ def exposed_effects(wildcards):
 
 
 def lens_effects(wildcards):
-    """Return the twin's effects through which photographs of a board are registered: a rig's poses are told."""
-    stages = ("lens", "shutter") if BOARD else ()
-    return [e for stage in stages for e in twin_effects(wildcards.camera, stage)]
+    """Return the twin's effects that move points: photographs of a board are registered behind them, a rig's poses are told."""
+    effects = twin_effects(wildcards.camera) if BOARD else []
+    return [e for e in effects if hasattr(available_effects()[e[0]], "map_points")]
 
 
 def lens_code(wildcards):

@@ -122,6 +122,11 @@ def _is_good(selection, outcome):
     return outcome.verdict == "explained" if selection.search.problem.is_of_signs else outcome.is_closed
 
 
+def _is_explained(search, steps, twin, before):
+    """Return whether the verdict on a twin would end a way, the first excess ``before`` taken into account."""
+    return outcome_of(search.problem, steps, (), twin, before).verdict != "unexplained"
+
+
 def path(selection, base, first, before, start_with=None, taken=()):
     """Return the Outcome of adding the best candidate, refitting and trying all others again, until none is missing.
 
@@ -134,8 +139,7 @@ def path(selection, base, first, before, start_with=None, taken=()):
     steps, candidates, names = list(taken), rank(first), [c.effect for c in first]
     while not selection.is_spent():
         missing = [c for c in candidates if is_missing_from(search, twin, c)]
-        here = outcome_of(search.problem, steps, rank(candidates), twin, before)
-        if not missing and search.problem.is_of_signs and here.verdict == "unexplained":
+        if not missing and search.problem.is_of_signs and not _is_explained(search, steps, twin, before):
             candidates = try_by_short_fits(search, twin, candidates)
             missing = [c for c in candidates if is_missing_from(search, twin, c)]
         if not missing:
