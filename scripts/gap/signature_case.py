@@ -55,6 +55,7 @@ class TwinPhotograph(Photograph):
     in_colour: bool = True
     own: tuple = ()
     drawn: dict = field(default_factory=dict, compare=False)
+    formed: dict = field(default_factory=dict, compare=False)
 
     def levels(self, effects=(), rng=None):
         """Return the grey levels (rows, columns, C) of the windows, with effects [(name, parameters)] laid on."""
@@ -62,10 +63,12 @@ class TwinPhotograph(Photograph):
         key = pipeline.key_of(drawn)
         if key not in self.drawn:
             self.drawn.clear()
+            self.formed.clear()
             self.drawn[key] = self.draw(self.atlas, drawn)
         view = replace(self.view, margin=0, windows=self.atlas.windows)
-        formed = pipeline.photometric(self.drawn[key], view, [*effects, *self.own], rng)[: self.atlas.shape[0]]
-        return np.clip(np.rint(formed), 0, 255)
+        like, effects = self.formed.get(rng is None), [*effects, *self.own]
+        self.formed[rng is None] = formed = pipeline.form(self.drawn[key], view, effects, rng, like)
+        return np.clip(np.rint(formed.outcome[0][: self.atlas.shape[0]]), 0, 255)
 
 
 def twin_photograph(case, view, given, light, plates, features, in_colour, own=()):

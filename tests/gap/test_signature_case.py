@@ -92,6 +92,23 @@ def test_the_same_effects_give_the_same_signature():
     np.testing.assert_allclose(blurred, first, atol=0.05)
 
 
+def test_a_signature_does_not_depend_on_what_was_laid_on_before():
+    """Fails if steps of image formation are kept that other parameters, another print or an expected image would not share."""
+    laid = [
+        [("sensor_noise", {"gain_dn_per_e": 0.1}), ("sharpening", {"amount": 0.7, "radius_px": 1.0})],
+        [("sensor_noise", {"gain_dn_per_e": 0.1}), ("sharpening", {"amount": 0.2, "radius_px": 1.0})],
+        [("sensor_noise", {"gain_dn_per_e": 0.2}), ("sharpening", {"amount": 0.2, "radius_px": 1.0})],
+        [("sensor_noise", {"gain_dn_per_e": 0.2}), ("ink_spread", {"spread_m": 0.0004})],
+        [("sensor_noise", {"gain_dn_per_e": 0.2})],
+    ]
+    laid = [[(name, library.nulls_of(name) | p) for name, p in effects] for effects in laid]
+    case = signatures_of({}, 6)
+    for effects in laid:
+        case.twins[0].levels(effects)
+        np.testing.assert_array_equal(case.signature(0, effects), signatures_of({}, 6).signature(0, effects))
+
+
+
 def test_patches_are_expected_where_the_points_say():
     """Fails if a lens or a slanting view leads patches away from where a board's points are."""
     case = board_case(1)
