@@ -30,7 +30,7 @@ from gap.measure.plate import FEATURES, N_STATE
 from gap.measure.regions import BLACK as BLACK_PIXELS
 from gap.measure.regions import WHITE as WHITE_PIXELS
 from gap.measure.regions import structure
-from gap.predict.windows import FRAME_COLUMNS, FRAME_ROWS, make_atlas
+from gap.pixels.windows import FRAME_COLUMNS, FRAME_ROWS, make_atlas
 
 EDGES = ("spread_x", "spread_y", "spread_xy", "overshoot", "ink")
 NOISE = ("noise_white", "noise_black", "noise_across", "noise_coarse", "noise_colour")

@@ -11,7 +11,7 @@ from effects.base import View
 from effects.encoding import mean_of_clipped
 from effects.filters import gaussian
 from gap.measure.capture import COARSE_TO_FINE, FINE, Codes, measure_plates, noise_amplification, states_at
-from gap.predict.raster import add_polygons, running_sums
+from gap.pixels.raster import add_polygons, running_sums
 from gap.predict.synthesis import Prints, coverages, ground_seen_at, shade
 from gap.problem import code_corners_world, encoding_table
 from rig.geometry import project, station_pose

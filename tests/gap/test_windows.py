@@ -5,9 +5,9 @@ import pytest
 from cases import generated_case
 
 from effects import library
+from gap.pixels.windows import make_atlas
 from gap.predict import predictor
 from gap.predict.predictor import Kept, Shown
-from gap.predict.windows import make_atlas
 
 FARTHER = 5.0  # times what matters, where an effect has no start off its null
 

@@ -28,7 +28,7 @@ from gap.measure.regions import (
     noise_features,
 )
 from gap.measure.response import plate_response
-from gap.predict.windows import make_atlas
+from gap.pixels.windows import make_atlas
 from kernels import njit
 from rig.plates import black_rectangles
 

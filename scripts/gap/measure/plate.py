@@ -7,7 +7,7 @@ measures real and twin, so that what the expansion leaves out cancels in the gap
 
 import numpy as np
 
-from gap.predict.raster import add_edge, running_sums
+from gap.pixels.raster import add_edge, running_sums
 from kernels import njit
 
 # The expansion: displacement of the four code corners (px; x, y each), then

@@ -3,7 +3,7 @@
 import numpy as np
 
 from gap.measure.plate import _draw, code_homography, plate_window
-from gap.predict.raster import running_sums
+from gap.pixels.raster import running_sums
 from kernels import njit
 
 GROUND, WHITE, BLACK, SKY = 1, 2, 3, 4

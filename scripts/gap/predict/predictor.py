@@ -28,8 +28,8 @@ from gap.measure.capture import (
 )
 from gap.measure.plate import N_FEATURES
 from gap.measure.response import respond
+from gap.pixels.windows import make_atlas
 from gap.predict.synthesis import ground_seen_at, shade, window_coverages
-from gap.predict.windows import make_atlas
 from job import seed_of
 
 KEPT = 4000  # predictions, some 20 kB each

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 
 from effects.base import highlight_radiance, light_factor
-from gap.predict import windows
-from gap.predict.raster import add_polygons, add_spread_polygons, running_sums
+from gap.pixels import windows
+from gap.pixels.raster import add_polygons, add_spread_polygons, running_sums
 from rig.discs import ARC_PIECES, lenses, outlines, pieces_of
 from rig.geometry import project, transform
 from rig.plates import cell_rectangles, disc_changes
@@ -125,7 +125,7 @@ def coverages(prints, view, map_points=None, spread=None):
 
 
 def window_coverages(prints, view, atlas, map_points=None, spread=None):
-    """Return (plates, black, sky) as ``coverages``, of a gap.predict.windows.Atlas, each of its whole shape."""
+    """Return (plates, black, sky) as ``coverages``, of a gap.pixels.windows.Atlas, each of its whole shape."""
 
     def fill(parts):
         out = np.zeros(atlas.whole_shape)

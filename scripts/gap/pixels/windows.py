@@ -12,7 +12,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from effects.base import Windows
-from gap.predict.raster import add_edge, running_sums
+from gap.pixels.raster import add_edge, running_sums
 from kernels import njit
 
 BLOCK_PX = 16
