@@ -16,9 +16,8 @@ from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from case_files import load_case, load_observations
 from effects import library
-from gap.measure.plate import FEATURES
+from gap.observables import FEATURES, GAP_GROUPS
 from gap.residuals import NU, Whitener, rho
-from gap.score import GAP_GROUPS
 from gap.search import MAX_PARAMETERS, MIN_GAIN
 from gap.standing import MAX_CLOSED_GAP, MAX_FLOOR_GAP
 from gap.where import BINS

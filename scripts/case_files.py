@@ -11,7 +11,7 @@ from effects import library
 from effects.base import View
 from gap.board import board_case, local_noise_px, without_alternation, without_pixel_locking
 from gap.measure.capture import Codes, Observation, read_rgb
-from gap.measure.plate import N_FEATURES
+from gap.observables import N_FEATURES
 from gap.photographs import photographs_case
 from gap.problem import MARGIN_PX, Capture, Case, encoding_table
 from gap.signature_case import SignatureCase, is_seen_in_cells, seen_patches, twin_photograph

@@ -14,6 +14,7 @@ from gap.board_shape import offsets_of
 from gap.evidence import start_step
 from gap.joined import joined
 from gap.joint_fit import JointFit, JointTwin, Slots, moments, ridge_of
+from gap.observables import corners_in
 from gap.parameters import fitted_parameters, image_step, spec
 from gap.permutation import MAX_DIRECTIONS, Moments, labellings, p_values
 from gap.problem import may_have
@@ -76,7 +77,7 @@ class Changes:
         poses, _ = solver.score(effects, self.last.poses, [i])
         observation, predicted = self.problem.captures[i].observation, solver.predictor.predict(i, effects, poses[i])
         both = np.flatnonzero(observation.measured & predicted.measured)
-        seen, there = observation.corners[both].mean(1), predicted.corners_of(both).mean(1)
+        seen, there = observation.corners[both].mean(1), corners_in(predicted.features[both]).mean(1)
         return seen, seen - there
 
     @property

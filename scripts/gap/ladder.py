@@ -7,6 +7,7 @@ Errors are taken at each capture's own pose, estimated under its prior, and comp
 import numpy as np
 
 from gap.measure.places import wholly_inside
+from gap.observables import CORNERS, corners_in
 from gap.score import overall_gap
 from job import seed_of
 
@@ -50,7 +51,7 @@ def corner_errors(solver, effects, delta, i):
     """Return {"corners": squared lengths (n,), px^2} by which a twin's corners lie off one held-out capture's."""
     prediction, o = solver.predictor.predict(i, effects, delta), solver.problem.captures[i].observation
     both = np.flatnonzero(o.measured & prediction.measured)
-    off = o.corners[both] - prediction.corners_of(both)
+    off = o.corners[both] - corners_in(prediction.features[both])
     return {"corners": (off.reshape(-1, 2) ** 2).sum(1)}
 
 
@@ -84,7 +85,7 @@ def control_errors(solver, finder, effects, poses, indices, images, floors):
         available = wholly_inside(truth, capture.view.width, capture.view.height, border=0.0)
         compared[i] = finder.compare(*pair, available) | {"intensity": capture.noise_variance}
     out = {m: summary(compared, m, floors) for m in MEASURES[1:5]}
-    corner = [(solver.whiteners[i].feature_sd[:, :8] ** 2).reshape(-1, 2).sum(1) for i in indices]
+    corner = [(solver.whiteners[i].feature_sd[:, CORNERS] ** 2).reshape(-1, 2).sum(1) for i in indices]
     out["corner_rmse_px"] = float(np.sqrt(np.concatenate(corner).mean()) * floors.get("corners", 1.0))
     out["gap"] = 1.0
     return out

@@ -10,8 +10,8 @@ from effects.encoding import srgb_encode
 from gap.finder import Finder
 from gap.measure.capture import COARSE_TO_FINE, Codes, classify_flats, grey_of, measure_plates, observe, states_at
 from gap.measure.places import FARTHEST_FOLLOWED_PX, agreeing, follow_neighbours, large_enough
-from gap.measure.plate import STATE_FEATURES
 from gap.measure.regions import choose_regions
+from gap.observables import STATE_FEATURES, corners_in
 from gap.parameters import spec
 from gap.predict.predictor import Predictor
 from gap.predict.synthesis import Prints, coverages, ground_points, is_lit, shade
@@ -249,7 +249,7 @@ class Case:
         wanted = large_enough(starts, capture.view.width, capture.view.height)
         grey = grey_of(image)
         first, _, ok = measure_plates(grey, states_at(starts, self.codes), wanted, self.codes, COARSE_TO_FINE)
-        measured = first[:, :8].reshape(-1, 4, 2), ok
+        measured = corners_in(first), ok
         starts, outlines = (
             follow_neighbours(starts, starts, *measured),
             follow_neighbours(outlines, starts, *measured),

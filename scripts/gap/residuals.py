@@ -2,17 +2,13 @@
 
 import numpy as np
 
+from gap.observables import COLUMN, CORNERS, FEATURE_FLOOR, FEATURE_GROUPS, FLOORS, GAP_GROUPS, SURFACES
+
 NU = 8.0  # robust log(1 + y^2 / nu): quadratic for noise, forgiving for a bad plate
-# Standard deviations below which no difference counts: synthesis against an ideal camera's image
-FEATURE_FLOOR = np.array([0.006] * 8 + [0.15] * 3 + [0.15] * 2 + [0.012] * 3 + [0.004, 0.005, 0.006])
-FEATURE_GROUPS = {"corners": slice(0, 8), "levels": slice(8, 13), "edges": slice(13, 19)}
-OF_COLOUR = [8, 9, 10, 0, 1] * 2  # the features whose deviations a colour's have at least
-LEVELS = slice(8, 11)  # white, black and ground among the features
-COLOUR_FLOOR = np.array([0.15, 0.15, 0.15, 0.006, 0.006] * 2)
-FIELD_FLOOR_DN = 0.12
-NOISE_FLOOR = 0.02
+# The features whose deviations a colour's have at least: it is a difference of levels, or of places
+OF_COLOUR = [COLUMN[name] for name in ("white", "black", "ground", "corner_x0", "corner_y0")] * 2
 LOST_PLATE = 6.0  # whitened residual charged per feature of a plate that only the real image shows
-GROUPS = ("corners", "levels", "edges", "colour", "field", "noise", "pose")
+GROUPS = (*GAP_GROUPS, "pose")
 
 
 def rho(y, nu=NU):
@@ -41,18 +37,19 @@ class Whitener:
         covariance = np.linalg.inv(info) * s2
         self.floor = FEATURE_FLOOR[: info.shape[1]]
         rounding = np.zeros(len(self.floor))
-        rounding[LEVELS] = rounding_variance(s2)
+        rounding[SURFACES] = rounding_variance(s2)
         covariance = covariance + np.diag(self.floor**2 + rounding)
         self.lower_inverse = np.linalg.inv(np.linalg.cholesky(covariance))
-        self.corner_inverse = np.linalg.inv(np.linalg.cholesky(covariance[:, :8, :8]))
+        self.corner_inverse = np.linalg.inv(np.linalg.cholesky(covariance[:, CORNERS, CORNERS]))
         self.feature_sd = sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
         colours = o.colour.shape[1]
-        self.colour_sd = np.hypot(sd[:, OF_COLOUR[:colours]], COLOUR_FLOOR[:colours])
+        self.colour_sd = np.hypot(sd[:, OF_COLOUR[:colours]], FLOORS["colour"][:colours])
         with np.errstate(divide="ignore"):
-            self.field_sd = np.sqrt(s2 / np.maximum(o.field_n, 1) + FIELD_FLOOR_DN**2 + rounding_variance(s2))
+            self.field_sd = np.sqrt(s2 / np.maximum(o.field_n, 1) + FLOORS["field"] ** 2 + rounding_variance(s2))
         self.cells = slice(None) if (o.field_n > 0).any() else slice(0)  # a board's photograph shows no ground
         self.field_sd = self.field_sd[self.cells]
-        self.noise_sd = np.sqrt(2 * o.noise_se**2 + NOISE_FLOOR**2)  # the twin's is drawn as well
+        noise_floor = FLOORS["noise"][: len(o.noise_se)]
+        self.noise_sd = np.sqrt(2 * o.noise_se**2 + noise_floor**2)  # the twin's is drawn as well
         self.with_noise = with_noise
 
     @property

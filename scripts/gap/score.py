@@ -2,12 +2,10 @@
 
 import numpy as np
 
+from gap.observables import GAP_GROUPS, MIN_FLOOR
 from gap.residuals import RHO_NOISE, flatten, rho
 
-GAP_GROUPS = ("corners", "levels", "edges", "colour", "field", "noise")
-# Floors come from trials; they differ by more only where the twin is still wrong
-MIN_FLOOR = {"corners": 0.25, "edges": 0.25, "levels": 0.5, "colour": 0.5, "field": 0.5, "noise": 0.5}
-MAX_FLOOR = 1.5
+MAX_FLOOR = 1.5  # trials differ by more only where the twin is still wrong
 
 
 def group_gaps(groups, floors):

@@ -13,36 +13,15 @@ from scipy.fft import dctn
 
 from effects import pipeline
 from effects.encoding import encode, srgb_decode
-from gap.measure.capture import (
-    BLACK,
-    FINE,
-    WHITE,
-    colour_of,
-    colour_responses_of,
-    grey_of,
-    measure_one,
-    measure_plates,
-    plate_cores,
-    states_of,
-    window_classes,
-)
-from gap.measure.plate import FEATURES, N_STATE
+from gap.measure.capture import FINE, colour_in, grey_of, measure_one, measure_plates, plate_cores, window_classes
+from gap.measure.plate import N_STATE
 from gap.measure.regions import BLACK as BLACK_PIXELS
 from gap.measure.regions import WHITE as WHITE_PIXELS
 from gap.measure.regions import structure
+from gap.observables import COLUMN, CORNERS, SIGNS, SIGNS_OF_GROUP, SURFACES, columns, corners_in, shifted, states_of
 from gap.pixels.windows import FRAME_COLUMNS, FRAME_ROWS, make_atlas
 
-EDGES = ("spread_x", "spread_y", "spread_xy", "overshoot", "ink")
-NOISE = ("noise_white", "noise_black", "noise_across", "noise_coarse", "noise_colour")
-SHARPNESS = (
-    "fine_x",
-    "fine_y",
-    "fine_turn",
-)  # compared between photographs only: no effect's edges have a lens's tails
-SIGNS = (
-    *EDGES, "overshoot_outwards", *SHARPNESS, *NOISE, "blocks", "flat_blocks",
-    "light", "black", "light_outwards", "red", "blue", "red_outwards", "blue_outwards",
-)  # fmt: skip
+EDGES = [name for name in SIGNS_OF_GROUP["edges"] if name in COLUMN]
 OF_LIGHT = ("light", "black", "light_outwards", "red", "blue")  # what another lamp would change as well
 OF_CODEC = ("blocks", "flat_blocks")  # which lie on a grid of pixels, wherever the picture does
 BLOCK = 8  # pixels, of the codec of most cameras (ITU-T T.81)
@@ -87,7 +66,7 @@ class Photograph:
     def _corners(self):
         """The corners (p, 4, 2) of all codes, 0 of those that are not looked at."""
         corners = np.zeros((len(self.codes.half_code), 4, 2))
-        corners[self.plates] = self.features[:, :8].reshape(-1, 4, 2)
+        corners[self.plates] = corners_in(self.features)
         return corners
 
     @property
@@ -125,7 +104,7 @@ class Photograph:
 
     def seen_by(self, before, after):
         """Return the photograph as it would be if its lens, effects ``before`` that move points, had been ``after``."""
-        corners = pipeline.inverse_points(self.features[:, :8].reshape(-1, 2), self._whole_view, before)
+        corners = pipeline.inverse_points(self.features[:, CORNERS].reshape(-1, 2), self._whole_view, before)
         corners = pipeline.map_points(corners, self._whole_view, after).reshape(-1, 8)
         return self._resampled(*self._sources(before, after), corners)
 
@@ -134,12 +113,11 @@ class Photograph:
 
         Of how far ``seen_by`` moves a pixel the distance from an even number is left: a pixel at most, without a leap.
         """
-        sources, corners = self._sources(before, after), self.features[:, :8].reshape(-1, 2).copy()
+        sources, corners = self._sources(before, after), self.features[:, CORNERS].reshape(-1, 2).copy()
         column, row = (np.rint(np.clip(v, 0, n - 1)).astype(int) for v, n in zip(corners.T, self._size, strict=True))
         there = []
-        for k, (source, own) in enumerate(
-            zip(sources, np.indices(self.image.shape[:2], np.float32)[::-1], strict=True)
-        ):
+        here = np.indices(self.image.shape[:2], np.float32)[::-1]
+        for k, (source, own) in enumerate(zip(sources, here, strict=True)):
             moved = np.abs((source - own + 1) % 2 - 1)
             corners[:, k] -= moved[row, column]
             there.append(own + moved)
@@ -160,7 +138,7 @@ class Photograph:
         light = cv2.remap(LINEAR[self.image], x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
         image = pipeline.to_uint8(encode(light.reshape(self.image.shape), "srgb"))
         features = self.features.copy()
-        features[:, :8] = corners
+        features[:, CORNERS] = corners
         wanted, states = np.isfinite(corners).all(1), np.zeros((len(self.codes.half_code), N_STATE))
         states[self.plates[wanted]] = states_of(features[wanted])
         tried = np.isin(np.arange(len(states)), self.plates[wanted])
@@ -205,26 +183,19 @@ class Photograph:
 
     def _measured(self, grey, levels, k, i):
         """Return (features (19,), colours (10,)) of a patch in the windows' levels, None where it is lost."""
-        offset = np.tile(self.atlas.offset(k), 4)
-        before = self.features[k].copy()
-        before[:8] -= offset
-        window = self.atlas.window(k)
-        features, _, ok = measure_one(np.ascontiguousarray(grey[window]), states_of(before[None])[0], self.codes, i)
+        offset, window = self.atlas.offset(k), self.atlas.window(k)
+        state = states_of(shifted(self.features[k], -offset))
+        features, _, ok = measure_one(np.ascontiguousarray(grey[window]), state, self.codes, i)
         if not ok:
             return None
-        colour = np.zeros(10)
-        if levels.shape[2] > 1:
-            corners = features[:8].reshape(4, 2)
-            colour = colour_of(levels[window], colour_responses_of(grey[window].shape, corners, self.codes, i))
-        features[:8] += offset
-        return features, colour
+        return shifted(features, offset), colour_in(levels[window], corners_in(features), self.codes, i)
 
     @property
     def pose(self):
         """What of the board's pose signs follow (3,): the logarithm of a patch's side in pixels, and how that grows to the right
         and down over half the frame's diagonal, the board's tilt.
         """
-        corners = self.features[:, :8].reshape(-1, 4, 2)
+        corners = corners_in(self.features)
         sides = np.log(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).mean(1))
         places = self._places(self.features)
         places -= places.mean(0)
@@ -234,18 +205,19 @@ class Photograph:
     def _places(self, features):
         """Return the places (p, 2) of patches from the frame's middle, in halves of its diagonal."""
         size = np.array(self._size)
-        return (features[:, :8].reshape(-1, 4, 2).mean(1) - (size - 1) / 2) / np.hypot(*size) * 2
+        return (corners_in(features).mean(1) - (size - 1) / 2) / np.hypot(*size) * 2
 
     def _of_edges(self, features):
-        values = {name: features[:, FEATURES.index(name)] for name in EDGES}
+        values = {name: features[:, COLUMN[name]] for name in EDGES}
         r2 = (self._places(features) ** 2).sum(1)
-        return {name: np.median(v) for name, v in values.items()} | {
-            "overshoot_outwards": slope(values["overshoot"], r2)
-        }
+        out = {name: np.median(v) for name, v in values.items()}
+        return out | {"overshoot_outwards": slope(values["overshoot"], r2)}
 
     def _of_light(self, features, colours):
-        white, black = (self.codes.nominal_dn[n] + features[:, k] for n, k in ((0, WHITE), (1, BLACK)))
-        of_red, of_blue = colours[:, 0], colours[:, 5]  # white's differences from the mean of the three
+        of_surfaces = zip(self.codes.nominal_dn, features[:, SURFACES].T, strict=True)
+        white, black, _ = (nominal + off for nominal, off in of_surfaces)
+        # white's differences from the mean of the three
+        of_red, of_blue = (colours[:, COLUMN[name]] for name in ("red_white", "blue_white"))
         red, green, blue = (linear(white + d) for d in (of_red, -of_red - of_blue, of_blue))
         places = self._places(features)
         plane = np.column_stack([np.ones(len(places)), places])
@@ -258,8 +230,9 @@ class Photograph:
             "red": np.median(np.log(red / green)),
             "blue": np.median(np.log(blue / green)),
         }
-        for name, part in (("red_outwards", colours[:, 3:5]), ("blue_outwards", colours[:, 8:10])):
-            out[name] = (part * places).sum() / ((places**2).sum() + SPARE * len(places))
+        for name in ("red", "blue"):
+            along = colours[:, columns(f"{name}_dx", f"{name}_dy")] * places
+            out[f"{name}_outwards"] = along.sum() / ((places**2).sum() + SPARE * len(places))
         return out
 
     def _of_sharpness(self, grey, pairs):

@@ -13,10 +13,11 @@ import numpy as np
 
 from effects import library, pipeline
 from effects.encoding import srgb_decode
+from gap.observables import CORNERS, LEAST_FLOOR, SIGNS, SIGNS_OF_GROUP, corners_in
 from gap.parameters import get_parameter, image_step, with_parameters
 from gap.predict.predictor import Kept
 from gap.predict.synthesis import ground_seen_at, shade, window_coverages
-from gap.signature import SIGNS, Photograph
+from gap.signature import Photograph
 from gap.signature_changes import FIRST_STEP, MIN_SHOWING, can_be_laid_on
 from gap.solver import Solver
 from job import seed_of
@@ -25,21 +26,7 @@ from rig.light import LIGHT
 KEPT = 4000  # signatures
 USUAL_PX = 200_000  # of a photograph's windows
 NO_IMAGE = np.zeros((0, 0, 1), np.uint8)
-OF_GROUP = {  # which group of observables (gap.residuals.GROUPS) a sign belongs to
-    "levels": ("light", "black", "light_outwards"),
-    "edges": ("spread_x", "spread_y", "spread_xy", "overshoot", "ink", "overshoot_outwards"),
-    "colour": ("red", "blue", "red_outwards", "blue_outwards"),
-    "noise": (
-        "noise_white", "noise_black", "noise_across", "noise_coarse", "noise_colour", "blocks", "flat_blocks",
-    ),
-}  # fmt: skip
-BY_GROUP = np.array([SIGNS.index(name) for names in OF_GROUP.values() for name in names])
-LEAST_FLOOR = {  # smallest floor of each sign, in its unit, set by hand: few photographs may agree by chance
-    "spread_x": 0.02, "spread_y": 0.02, "spread_xy": 0.03, "overshoot": 0.01, "ink": 0.015, "overshoot_outwards": 0.02,
-    "noise_white": 0.15, "noise_black": 0.15, "noise_across": 0.1, "noise_coarse": 0.1, "noise_colour": 0.2, "blocks": 0.15,
-    "flat_blocks": 0.03, "light": 0.1, "black": 0.02, "light_outwards": 0.03, "red": 0.03, "blue": 0.03,
-    "red_outwards": 0.01, "blue_outwards": 0.01,
-}  # fmt: skip
+BY_GROUP = np.array([SIGNS.index(name) for names in SIGNS_OF_GROUP.values() for name in names])
 MIN_SHARE_OF_LIGHT = 0.95  # of what an effect changes, that another light, exposure or white balance would change alike
 OF_SLOPES = np.array([not name.startswith(("xx", "xy", "yy")) for name in LIGHT])  # a lens's fall-off is no lamp's
 
@@ -79,7 +66,7 @@ def twin_photograph(case, view, given, light, plates, features, in_colour, own=(
     """
     capture = replace(case.captures[0], view=view)
     features = features.copy()
-    features[:, :8] = case.corners_of(capture, given, np.zeros(6))[plates].reshape(-1, 8)
+    features[:, CORNERS] = case.corners_of(capture, given, np.zeros(6))[plates].reshape(-1, 8)
 
     def draw(atlas, drawn):
         effects, planes = [*given, *drawn], []
@@ -111,7 +98,7 @@ def is_seen_in_cells(name):
 def seen_patches(number, plates, features):
     """Return the SeenPatches of so many patches, of which plates (k,) were measured as features (k, 19)."""
     corners, measured = np.zeros((number, 4, 2)), np.zeros(number, bool)
-    corners[plates], measured[plates] = features[:, :8].reshape(-1, 4, 2), True
+    corners[plates], measured[plates] = corners_in(features), True
     return SeenPatches(corners, measured)
 
 
@@ -181,7 +168,7 @@ class SignatureCase:
         counted = BY_GROUP[np.isfinite(off).mean(0)[BY_GROUP] >= MIN_SHOWING]
         middle = np.nanmedian(off[:, counted], axis=0)
         scatter = 1.4826 * np.nanmedian(np.abs(off[:, counted] - middle), axis=0)
-        return counted, np.maximum(scatter, [LEAST_FLOOR[SIGNS[k]] for k in counted])
+        return counted, np.maximum(scatter, LEAST_FLOOR[counted])
 
     def is_like_light(self, effect):
         """Return whether another gain and stray light of each colour do all that an effect does where it is clearly seen."""
@@ -230,7 +217,7 @@ class SignatureSolver(Solver):
         self.counted, self.floor = problem.floors
         self.real = problem.signs[:, self.counted] / self.floor
         names = [SIGNS[k] for k in self.counted]
-        self.groups = {group: np.isin(names, members) for group, members in OF_GROUP.items()}
+        self.groups = {group: np.isin(names, members) for group, members in SIGNS_OF_GROUP.items()}
         self.whiteners = [NoPlates(len(self.counted)) for _ in problem.captures]
         self.map = ThreadPoolExecutor(threads).map if threads > 1 else map
         self.cost, self._kept = 0, Kept(KEPT)

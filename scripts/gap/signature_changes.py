@@ -12,10 +12,11 @@ from scipy.optimize import least_squares
 
 from effects import library
 from gap.changes import MAX_GROUP, MAX_P, MIN_CAPTURES
+from gap.observables import SIGNS, SIGNS_OF_GROUP
 from gap.parameters import spec
 from gap.permutation import labellings
 from gap.search import is_significant
-from gap.signature import NOISE, OF_CODEC, OF_LIGHT, SIGNS
+from gap.signature import OF_LIGHT
 from gap.split import thinned
 from job import seed_of
 
@@ -32,7 +33,7 @@ MIN_SHARE_OF_NEXT = (
     0.2  # of what had changed at first, left for another: a form not quite the camera's leaves a residue
 )
 MAX_CHANGES = 3
-AFTER_LENS = [SIGNS.index(name) for name in (*NOISE, *OF_CODEC)]
+AFTER_LENS = [SIGNS.index(name) for name in SIGNS_OF_GROUP["noise"]]
 LIT = [SIGNS.index(name) for name in OF_LIGHT]
 MAX_TIMES_LEFT = 2.0  # times what the best leaves, up to which another effect explains alike
 

@@ -14,6 +14,7 @@ import numpy as np
 from gap.derivatives import Derivatives, flat
 from gap.evidence import evidence_of
 from gap.normal_equations import errors_of, normal_equations, step_within, updated
+from gap.observables import CORNERS
 from gap.parameters import (
     bounds_of,
     get_parameter,
@@ -365,5 +366,5 @@ class Solver:
         J = self.derivatives_of.corners_by_pose(i, effects, pose)
         whitened = np.einsum("pij,pjk->pik", Li, J).reshape(-1, N_POSE)
         move = np.linalg.lstsq(whitened, groups["corners"].ravel(), rcond=None)[0]
-        taken.features[plates, :8] -= J @ move
+        taken.features[plates, CORNERS] -= J @ move
         return self.whiteners[i].residuals(taken, expected)

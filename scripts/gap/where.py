@@ -3,9 +3,8 @@
 import numpy as np
 import pandas as pd
 
-from gap.measure.capture import COLOUR_FEATURES
-from gap.measure.plate import FEATURES
-from gap.measure.regions import FIELD_COLUMNS, FIELD_ROWS, NOISE_FEATURES
+from gap.measure.regions import FIELD_COLUMNS, FIELD_ROWS
+from gap.observables import COLOUR_FEATURES, COLUMN, FEATURES, NOISE_FEATURES, corners_in
 from rig.geometry import invert_pose, transform
 
 COVARIATES = (
@@ -16,7 +15,6 @@ BINS = 5
 EVERYWHERE = "everywhere"
 ADDS = 0.05  # share that a covariate must explain beyond what is alike everywhere
 MOST_PER_OBSERVABLE = 2
-GROUND = FEATURES.index("ground")  # a plate's: off its nominal level
 
 
 def plate_gaps(case, effects, poses, predictions):
@@ -24,7 +22,7 @@ def plate_gaps(case, effects, poses, predictions):
 
     Corners are summed up as ``dx_px``, ``dy_px`` (mean shift), ``d_radial_px`` (away from the image's centre),
     ``d_scale`` (relative growth) and kept singly as well. ``level_dn`` is the ground's in the twin: the capture's would have
-    the gap in it. Units as in gap.measure.plate.UNITS.
+    the gap in it. Units as in gap.observables.
     """
     tables, (names, places, normals) = [], case.places()
     for i, prediction in predictions.items():
@@ -34,8 +32,8 @@ def plate_gaps(case, effects, poses, predictions):
         if not len(k):
             continue
         gap = o.features[k] - prediction.features[k]
-        corners = prediction.corners_of(k)
-        shift = gap[:, :8].reshape(len(k), -1, 2)
+        corners = corners_in(prediction.features[k])
+        shift = corners_in(gap)
         centre = corners.mean(1)
         spokes = corners - centre[:, None]
         in_camera = transform(view.T_cam_world, places[k])
@@ -66,7 +64,7 @@ def plate_gaps(case, effects, poses, predictions):
         )
         if case.codes:
             ground_dn = case.codes.nominal_dn[2]
-            table["level_dn"] = ground_dn + prediction.features[k, GROUND]
+            table["level_dn"] = ground_dn + prediction.features[k, COLUMN["ground"]]  # off its nominal level
             table["d_scale"] = (shift * spokes).sum((1, 2)) / (spokes**2).sum((1, 2))
         colour = (o.colour[k] - prediction.colour[k]).T
         measured = dict(zip(FEATURES, gap.T, strict=False)) | dict(zip(COLOUR_FEATURES, colour, strict=False))

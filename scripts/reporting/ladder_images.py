@@ -81,6 +81,6 @@ class LadderImages:
     def measured(self, capture):
         """Return the codes' corners (p, 4, 2) as measured in a capture's photograph, NaN where they were not."""
         o = self.case.captures[self.index[capture]].observation
-        corners = np.array(o.features[:, :8], float).reshape(-1, 4, 2)
+        corners = np.array(o.corners, float)
         corners[~o.measured] = np.nan
         return corners

@@ -31,8 +31,8 @@ from effects import library  # noqa: E402
 from expand_tables import expand_tables  # noqa: E402
 from gap.capture_light import photograph_light  # noqa: E402
 from gap.needs import cannot_tell  # noqa: E402
+from gap.observables import SIGNS  # noqa: E402
 from gap.select_effects import BUDGET, verdict  # noqa: E402
-from gap.signature import SIGNS  # noqa: E402
 from gap.signature_case import NumbersOf, is_seen_in_cells  # noqa: E402
 from gap.whole_lens import left_out_px, with_whole_lens  # noqa: E402
 from inputs.campaign import Board, load_campaign  # noqa: E402

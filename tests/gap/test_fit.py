@@ -5,8 +5,9 @@ import pytest
 
 from effects import library
 from gap.normal_equations import errors_of, normal_equations, response, updated, without_pose
+from gap.observables import FEATURE_FLOOR
 from gap.parameters import image_step
-from gap.residuals import FEATURE_FLOOR, NU, Whitener, rounding_variance
+from gap.residuals import NU, Whitener, rounding_variance
 
 
 def residuals_and_derivatives():

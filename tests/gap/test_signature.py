@@ -7,7 +7,8 @@ from drawn_board import board_case, photograph
 import gap.signature_changes
 from effects import library
 from effects.pipeline import map_points
-from gap.signature import OF_CODEC, SIGNS, Photograph
+from gap.observables import SIGNS
+from gap.signature import OF_CODEC, Photograph
 from gap.signature_changes import Layer, candidates_of, compared, scaled, signature_changes, signatures_of, starts_of
 from generator import nominal
 from generator.photographs import Retaken

@@ -11,12 +11,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "bench"))
 
 from diagnose_patches import LIKE_LIGHT, competing  # noqa: E402
 from effects import library, pipeline  # noqa: E402
+from gap.observables import SIGNS, SIGNS_OF_GROUP  # noqa: E402
 from gap.photographs import expected_corners, spread_out  # noqa: E402
 from gap.residuals import GROUPS  # noqa: E402
 from gap.search import Search  # noqa: E402
 from gap.select_effects import verdict  # noqa: E402
-from gap.signature import SHARPNESS, SIGNS  # noqa: E402
-from gap.signature_case import OF_GROUP  # noqa: E402
 from retaken_board import POINTS, signatures_of  # noqa: E402
 from rig.geometry import project  # noqa: E402
 
@@ -80,7 +79,8 @@ def test_what_each_photographs_own_light_does_as_well_does_not_compete():
 
 def test_every_sign_belongs_to_one_group():
     """Fails if a new sign is in no residual, or counts twice; how sharp a photograph is no ideal twin says as finely."""
-    assert sorted([*SHARPNESS, *(name for of in OF_GROUP.values() for name in of)]) == sorted(SIGNS)
+    grouped = [name for names in SIGNS_OF_GROUP.values() for name in names]
+    assert sorted(["fine_x", "fine_y", "fine_turn", *grouped]) == sorted(SIGNS)
 
 
 def test_the_same_effects_give_the_same_signature():

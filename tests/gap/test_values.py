@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from drawn import grey_image, scene_and_view
 
-from gap.measure.capture import COLOUR_FEATURES, Codes, measure_colour
-from gap.measure.regions import GROUND, NOISE_FEATURES, SKY, WHITE, choose_regions, noise_features
+from gap.measure.capture import Codes, measure_colour
+from gap.measure.regions import GROUND, SKY, WHITE, choose_regions, noise_features
+from gap.observables import COLOUR_FEATURES, MIN_FLOOR, NOISE_FEATURES
 from gap.problem import code_corners_world, encoding_table
 from gap.residuals import RHO_NOISE
-from gap.score import MAX_FLOOR, MIN_FLOOR, floors_of
+from gap.score import MAX_FLOOR, floors_of
 from gap.search import Search
 from rig.geometry import project
 

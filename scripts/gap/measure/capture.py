@@ -6,49 +6,22 @@ import cv2
 import numpy as np
 
 from gap.measure.places import agreeing
-from gap.measure.plate import (
-    FEATURES,
-    N_FEATURES,
-    N_STATE,
-    STATE_FEATURES,
-    _expand,
-    code_homography,
-    measure_plate,
-    plate_window,
-)
-from gap.measure.plate import RIM as RIM_STATE
-from gap.measure.regions import (
-    FIELD_COLUMNS,
-    FIELD_ROWS,
-    GROUND,
-    NOISE_FEATURES,
-    SKY,
-    _classify_plate,
-    flat_classes,
-    noise_features,
-)
+from gap.measure.plate import BLACK, N_STATE, WHITE, _expand, code_homography, measure_plate, plate_window
+from gap.measure.regions import BY_SURFACE, GROUND, N_GROUND, SKY, _classify_plate, flat_classes, noise_features
 from gap.measure.response import plate_response
+from gap.observables import COLUMN, CORNERS, N_COLOUR, N_FEATURES, RIDGES, STATE_RIM, SURFACES, corners_in, states_of
 from gap.pixels.windows import make_atlas
 from kernels import njit
 from rig.plates import black_rectangles
 
-COLOUR_FEATURES = (
-    "red_white", "red_black", "red_ground", "red_dx", "red_dy",
-    "blue_white", "blue_black", "blue_ground", "blue_dx", "blue_dy",
-)  # fmt: skip
-N_COLOUR = len(COLOUR_FEATURES)
-N_GROUND = FIELD_COLUMNS * FIELD_ROWS  # regions of ground; those of sky follow
+COLOUR_RIDGE = RIDGES["colour"][: N_COLOUR // 2]  # of red; blue's is the same
 WINDOW_PAD_PX, COLOUR_PAD_PX = 5, 8  # that are looked at beyond a plate, beyond a code for its colours
-# Prior precision of the coefficients, in grey levels of noise: corners and levels free, the rest held to sense
-RIDGE = np.array([1e-4] * 8 + [1e-4] * 5 + [1e-2] * 5 + [1e-4])
 COARSE_TO_FINE = np.array([4, 1, 0])
 FINE = np.array([0])
-COLOUR_RIDGE = 1e-3
 FARTHEST_PX = 25.0
 REPEATS, CHANCE = 2, 2.0  # measurements with noise added; the mean square that they reach once in a hundred times
 LARGEST_NOISE_VARIANCE, SMALLEST_NOISE_VARIANCE = 4.0, 0.05  # squared grey levels, by which plates are weighted
 MOST_AMPLIFIED = 4.0  # noise of a plate that is used
-WHITE, BLACK, RIM = (FEATURES.index(name) for name in ("white", "black", "rim"))
 LEAST_CONTRAST = 0.2  # of the nominal: to the noise of a black or saturated image a small faint plate fits
 WORST_MISFIT = 0.15  # of the contrast: a fit to something else than the plate leaves more, any effect less
 
@@ -100,24 +73,15 @@ class Codes:
     def of_squares(cls, half_code, half_plate, rectangles, levels, lut, beyond=0.0, worst_misfit=WORST_MISFIT):
         """Build from half the sides of codes and plates (p,), their black rectangles [(n, 4)], the rest as ``of``."""
         first = np.concatenate([[0], np.cumsum([len(r) for r in rectangles])])
-        return cls(
-            half_code,
-            half_plate,
-            rectangles,
-            first,
-            np.concatenate(rectangles),
-            np.asarray(levels, float),
-            lut,
-            beyond,
-            worst_misfit,
-        )
+        every, levels = np.concatenate(rectangles), np.asarray(levels, float)
+        return cls(half_code, half_plate, rectangles, first, every, levels, lut, beyond, worst_misfit)
 
 
 @dataclass
 class Observation:
     """What was measured in one image.
 
-    features (p, 19) of gap.measure.plate.FEATURES, corners first, in pixels; information (p, 19, 19) per unit noise
+    features (p, 19) of gap.observables.FEATURES, corners first, in pixels; information (p, 19, 19) per unit noise
     variance; measured (p,) bool; colour (p, 10); regions (80, 4) of gap.measure.regions.choose_regions; field (80,) their levels,
     field_n their pixels; noise, noise_se.
     """
@@ -135,12 +99,12 @@ class Observation:
     @property
     def corners(self):
         """Corners of the codes (p, 4, 2), pixels; of a board its points (p, 1, 2)."""
-        return self.features[:, :8].reshape(len(self.features), -1, 2)
+        return corners_in(self.features)
 
     @property
     def has_noise_by_channel(self):
         """Whether red and blue differ by noise of their own: the mean over channels then has less."""
-        return self.noise[NOISE_FEATURES.index("noise_colour")] > np.log(0.5)
+        return self.noise[COLUMN["noise_colour"]] > np.log(0.5)
 
 
 @njit(cache=True, nogil=True)
@@ -152,16 +116,16 @@ def colour_response(shape, corners, half_code, half_plate, rectangles, levels, l
     x1, y1 = int(corners[:, 0].max()) + COLOUR_PAD_PX + 1, int(corners[:, 1].max()) + COLOUR_PAD_PX + 1
     x0, y0, x1, y1 = max(x0, 0), max(y0, 0), min(x1, shape[1]), min(y1, shape[0])
     if x1 - x0 < 8 or y1 - y0 < 8:
-        return np.zeros((5, 0)), 0, 0, 0, 0
+        return np.zeros((len(COLOUR_RIDGE), 0)), 0, 0, 0, 0
     image = np.zeros((y1 - y0, x1 - x0))
     B, _ = _expand(image, corners, half_code, half_plate, rectangles, levels, np.zeros(5), lut, x0, y0, 0)
-    S = np.empty((5, B.shape[1] * B.shape[2]))
-    S[:3] = B[8:11].copy().reshape(3, -1)
-    S[3] = (B[0] + B[2] + B[4] + B[6]).ravel()
-    S[4] = (B[1] + B[3] + B[5] + B[7]).ravel()
+    S = np.empty((len(COLOUR_RIDGE), B.shape[1] * B.shape[2]))
+    S[:3] = B[SURFACES].copy().reshape(3, -1)
+    of = B[CORNERS]
+    S[3], S[4] = (of[0] + of[2] + of[4] + of[6]).ravel(), (of[1] + of[3] + of[5] + of[7]).ravel()
     M = S @ S.T
-    for k in range(5):
-        M[k, k] += COLOUR_RIDGE
+    for k in range(len(S)):
+        M[k, k] += COLOUR_RIDGE[k]
     return np.linalg.solve(M, S), x0 + 1, y0 + 1, B.shape[1], B.shape[2]
 
 
@@ -170,15 +134,10 @@ def states_at(corners, codes, rims=0.0):
     reach beyond the nominal ones, metres.
     """
     states = np.zeros((len(corners), N_STATE))
-    states[:, :8] = corners.reshape(-1, 8)
+    states[:, CORNERS] = corners.reshape(-1, 8)
     sides = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=-1).mean(1)
-    states[:, RIM_STATE] = rims * np.nan_to_num(sides) / (2 * codes.half_code)
+    states[:, STATE_RIM] = rims * np.nan_to_num(sides) / (2 * codes.half_code)
     return states
-
-
-def states_of(features):
-    """Return the states (p, 14) of measured features (p, 19)."""
-    return features[:, STATE_FEATURES]
 
 
 def measure_plates(grey, states, wanted, codes, radii):
@@ -200,7 +159,7 @@ def measure_one(grey, state, codes, i, radii=FINE):
     """Return (features (19,), information (19, 19), whether it was measured) of plate i in a grey image."""
     f, information, _, variance, _, ok = measure_plate(
         grey, np.ascontiguousarray(state), codes.half_code[i], codes.half_plate[i], codes.beyond,
-        codes.rectangles[i], codes.levels, codes.lut, RIDGE, radii, FARTHEST_PX,
+        codes.rectangles[i], codes.levels, codes.lut, radii, FARTHEST_PX,
     )  # fmt: skip
     contrast = codes.contrast_dn + f[WHITE] - f[BLACK]
     if ok and contrast > LEAST_CONTRAST * codes.contrast_dn and np.sqrt(variance) < codes.worst_misfit * contrast:
@@ -211,22 +170,16 @@ def measure_one(grey, state, codes, i, radii=FINE):
 def responses_of(grey, features, codes, i):
     """Return what ``gap.measure.plate.plate_response`` says of plate i, measured in a grey image (H, W) as features (19,)."""
     return plate_response(
-        grey, states_of(features[None])[0], codes.half_code[i], codes.half_plate[i], codes.beyond,
-        codes.rectangles[i], codes.levels, codes.lut, RIDGE,
+        grey, states_of(features), codes.half_code[i], codes.half_plate[i], codes.beyond,
+        codes.rectangles[i], codes.levels, codes.lut,
     )  # fmt: skip
 
 
 def colour_responses_of(shape, corners, codes, i):
     """Return what ``colour_response`` says of plate i with corners (4, 2) in an image of a shape."""
-    return colour_response(
-        shape,
-        np.ascontiguousarray(corners),
-        codes.half_code[i],
-        codes.half_plate[i] + codes.beyond,
-        codes.rectangles[i],
-        codes.levels,
-        codes.lut,
-    )
+    half_code, white = codes.half_code[i], codes.half_plate[i] + codes.beyond
+    corners = np.ascontiguousarray(corners)
+    return colour_response(shape, corners, half_code, white, codes.rectangles[i], codes.levels, codes.lut)
 
 
 def colour_of(image, response):
@@ -237,11 +190,18 @@ def colour_of(image, response):
     return np.concatenate([by_pixel @ (window[..., k] - mean).ravel().astype(np.float64) for k in (0, 2)])
 
 
+def colour_in(image, corners, codes, i):
+    """Return the ten colour features of plate i with corners (4, 2) in an image (H, W, C), zeros in a grey one."""
+    if image.shape[2] == 1:
+        return np.zeros(N_COLOUR)
+    return colour_of(image, colour_responses_of(image.shape[:2], corners, codes, i))
+
+
 def measure_colour(image, corners, measured, codes):
     """Return the colour features (p, 10) of a colour image (H, W, 3), red first; zeros for a grey one (H, W, 1)."""
     out = np.zeros((len(corners), N_COLOUR))
-    for i in np.flatnonzero(measured) if image.shape[2] > 1 else ():
-        out[i] = colour_of(image, colour_responses_of(image.shape[:2], corners[i], codes, i))
+    for i in np.flatnonzero(measured):
+        out[i] = colour_in(image, corners[i], codes, i)
     return out
 
 
@@ -321,9 +281,8 @@ def measure_noise(image, atlas, plates, regions, classes):
     ground = [atlas.core(len(plates) + k) for k, cell in enumerate(regions) if 0 <= cell < N_GROUND]
     squares = np.array([[c.start, r.start, c.stop, r.stop] for r, c in ground], np.int64).reshape(-1, 4)
     planes = [np.ascontiguousarray(image[..., i], np.float64) for i in range(image.shape[2])]
-    if len(planes) == 1:
-        return noise_features(planes[0], None, None, classes, squares)
-    return noise_features(planes[1], planes[0], planes[2], classes, squares)
+    red, green, blue = planes if len(planes) > 1 else (None, planes[0], None)
+    return noise_features(green, red, blue, classes, squares)
 
 
 def noise_amplification(grey, features, information, measured, codes):
@@ -338,9 +297,9 @@ def noise_amplification(grey, features, information, measured, codes):
         noise = np.random.default_rng(seed).standard_normal(grey.shape, dtype=np.float32)
         again, _, found = measure_plates(grey + noise, states_of(features), measured, codes, FINE)
         for i in np.flatnonzero(measured):
-            moved = again[i, :8] - features[i, :8]
-            covariance = np.linalg.inv(information[i])[:8, :8]
-            squares[i] += moved @ np.linalg.solve(covariance, moved) / (8 * REPEATS) if found[i] else np.inf
+            moved = again[i, CORNERS] - features[i, CORNERS]
+            covariance = np.linalg.inv(information[i])[CORNERS, CORNERS]
+            squares[i] += moved @ np.linalg.solve(covariance, moved) / (len(moved) * REPEATS) if found[i] else np.inf
     return np.sqrt(np.where(squares > CHANCE, squares, 1.0))
 
 
@@ -356,7 +315,7 @@ def observe(image, starts, wanted, codes, radii, regions_of):
     features, information, measured = measure_plates(grey, states_at(starts, codes), wanted, codes, radii)
     amplified = noise_amplification(grey, features, information, measured, codes)
     information = information / np.minimum(amplified, MOST_AMPLIFIED)[:, None, None] ** 2
-    corners = features[:, :8].reshape(-1, 4, 2)
+    corners = corners_in(features)
     measured = agreeing(starts, corners, measured & (amplified < MOST_AMPLIFIED))
     colour = measure_colour(image, corners, measured, codes)
     regions = regions_of(corners, measured)
@@ -368,15 +327,12 @@ def observe(image, starts, wanted, codes, radii, regions_of):
     classes = window_classes(atlas, plates, corners, codes, wanted)
     noise, noise_se = measure_noise(seen, atlas, plates, wanted, classes)
     of_mean, _ = measure_noise(grey_of(seen)[..., None], atlas, plates, wanted, classes)
-    quietest = np.exp(np.nanmin(np.append(of_mean[:4], np.log(LARGEST_NOISE_VARIANCE))))
+    quietest = np.exp(np.nanmin(np.append(of_mean[BY_SURFACE], np.log(LARGEST_NOISE_VARIANCE))))
     observation = Observation(features, information, measured, colour, regions, field, field_n, noise, noise_se)
     return observation, float(max(quietest, SMALLEST_NOISE_VARIANCE))
 
 
 def read_rgb(image_bgr):
     """Return (H, W, 3) or (H, W, 1), red first, scaled to 0..255, from an image as cv2.imread gives it."""
-    if image_bgr.ndim == 2:
-        image = image_bgr[..., None]
-    else:
-        image = cv2.cvtColor(image_bgr, cv2.COLOR_BGR2RGB)
+    image = image_bgr[..., None] if image_bgr.ndim == 2 else cv2.cvtColor(image_bgr, cv2.COLOR_BGR2RGB)
     return image.astype(np.float32) / (257.0 if image.dtype == np.uint16 else 1.0)

@@ -7,28 +7,21 @@ measures real and twin, so that what the expansion leaves out cancels in the gap
 
 import numpy as np
 
+from gap.observables import CORNERS, EDGES, FEATURE_RIDGE, HELD_FEATURES, LEVELS, N_FEATURES, STATE_FEATURES, STATE_RIM
 from gap.pixels.raster import add_edge, running_sums
 from kernels import njit
 
-# The expansion: displacement of the four code corners (px; x, y each), then
-FEATURES = (
-    "corner_x0", "corner_y0", "corner_x1", "corner_y1", "corner_x2", "corner_y2", "corner_x3", "corner_y3",
-    "white", "black", "ground", "white_slope_u", "white_slope_v",
-    "spread_x", "spread_y", "spread_xy", "overshoot", "ink", "rim",
-)  # fmt: skip
-N_FEATURES = len(FEATURES)
-LEVELS = slice(8, 13)  # of the features and of the state
+# The expansion: displacement of the four code corners (x, y each), then
+WHITE, BLACK, GROUND, SLOPE_U, SLOPE_V = range(N_FEATURES)[LEVELS]
+SPREAD_X, SPREAD_Y, SPREAD_XY, OVERSHOOT, INK, RIM = range(N_FEATURES)[EDGES]
+N_STATE = len(STATE_FEATURES)
 RIM_STEP_PX = 0.25  # of the difference that says how the plate's outline moves
 FARTHEST_RIM = 1.5  # of the plate's half side
-N_STATE = 14  # what iterations move: eight corners, five levels, the rim
-RIM = 13
-STATE_FEATURES = np.array([*range(13), 18])  # the features that the state is
 DEPTH = 4  # iterations whose changes lead the next
 PX_PER_LEVEL = 0.02  # how much a grey level counts beside a pixel there
 COARSE_ITERATIONS, FINE_ITERATIONS = 5, 30
 SMALLEST_STEP_PX = 0.001
 LARGEST_PX = 600
-UNITS = ("px",) * 8 + ("dn",) * 5 + ("px2",) * 3 + ("1", "px", "px")
 
 
 @njit(cache=True, nogil=True)
@@ -189,22 +182,22 @@ def _expand(image, corners, half_code, half_plate, rectangles, levels, shifts, l
                 B[2 * n + 1, r - 1, k] = -gy[k] * weight
         for k in range(w - 2):
             on, ink = plate[r, k + 1], black[r, k + 1]
-            B[8, r - 1, k] = on - ink
-            B[9, r - 1, k] = ink
-            B[10, r - 1, k] = 1 - on
-            B[11, r - 1, k] = on * u[k]
-            B[12, r - 1, k] = on * v[k]
+            B[WHITE, r - 1, k] = on - ink
+            B[BLACK, r - 1, k] = ink
+            B[GROUND, r - 1, k] = 1 - on
+            B[SLOPE_U, r - 1, k] = on * u[k]
+            B[SLOPE_V, r - 1, k] = on * v[k]
         for k in range(w - 2):
             centre = row[k + 1]
-            B[13, r - 1, k] = 0.5 * (row[k] - 2 * centre + row[k + 2])
-            B[14, r - 1, k] = 0.5 * (below[k + 1] - 2 * centre + above[k + 1])
-            B[15, r - 1, k] = 0.25 * (below[k + 2] - below[k] - above[k + 2] + above[k])
-            B[16, r - 1, k] = centre - wide[r, k + 1]
+            B[SPREAD_X, r - 1, k] = 0.5 * (row[k] - 2 * centre + row[k + 2])
+            B[SPREAD_Y, r - 1, k] = 0.5 * (below[k + 1] - 2 * centre + above[k + 1])
+            B[SPREAD_XY, r - 1, k] = 0.25 * (below[k + 2] - below[k] - above[k + 2] + above[k])
+            B[OVERSHOOT, r - 1, k] = centre - wide[r, k + 1]
         for k in range(w - 2):
             bx = 0.5 * (black[r, k + 2] - black[r, k])
             by = 0.5 * (black[r + 1, k + 1] - black[r - 1, k + 1])
-            B[17, r - 1, k] = -contrast * np.sqrt(bx * bx + by * by)
-            B[18, r - 1, k] = outer_contrast * rim[r, k + 1] / RIM_STEP_PX
+            B[INK, r - 1, k] = -contrast * np.sqrt(bx * bx + by * by)
+            B[RIM, r - 1, k] = outer_contrast * rim[r, k + 1] / RIM_STEP_PX
     return B, residual
 
 
@@ -256,7 +249,7 @@ def _accelerated(state, step, before, changes, n):
         changes[1, (n - 1) % DEPTH] = step - before[1]
         m = min(n, DEPTH)
         by = np.ones(N_STATE)
-        by[8:13] = PX_PER_LEVEL
+        by[LEVELS] = PX_PER_LEVEL
         F = changes[1, :m] * by
         G = F @ F.T
         for i in range(m):
@@ -270,20 +263,19 @@ def _accelerated(state, step, before, changes, n):
 
 
 @njit(cache=True, nogil=True)
-def measure_plate(image, start, half_code, half_plate, beyond, rectangles, levels, lut, ridge, radii, max_px):
+def measure_plate(image, start, half_code, half_plate, beyond, rectangles, levels, lut, radii, max_px):
     """Fit one plate.
 
     image        (H, W) float32 grey levels; start (14,) predicted corners of the code, pixels, shifts of the five levels,
                  and how far the plate reaches beyond ``half_plate``, pixels
     half_code, half_plate  metres; beyond  metres that white goes on where the patch ends; rectangles (n, 4) black area, metres
     levels       linear values of white, black, ground; lut grey level of linear values 0..1
-    ridge        (19,) prior precision of each coefficient in units of one grey level's noise
     radii        box radii of the coarse-to-fine passes, ending in 0; max_px how far corners may go from ``start``
 
     Return (features (19,), information matrix (19, 19) per unit noise variance, corners (4, 2), noise variance of
     the fit, steps' last size in pixels, 1.0 if converged else 0.0); the first eight features are the corners.
     """
-    corners = start[:8].copy().reshape(4, 2)
+    corners = start[CORNERS].copy().reshape(4, 2)
     values = np.zeros(N_FEATURES)
     info = np.eye(N_FEATURES)
     variance = 0.0
@@ -294,33 +286,30 @@ def measure_plate(image, start, half_code, half_plate, beyond, rectangles, level
         changes = np.zeros((2, DEPTH, N_STATE))  # of the state and of its step, from one iteration to the next
         before = np.zeros((2, N_STATE))
         for n in range(COARSE_ITERATIONS if radius > 0 else FINE_ITERATIONS):
-            corners = state[:8].copy().reshape(4, 2)
-            outline = half_plate + state[RIM] / px_per_m(corners, half_code)
+            corners = state[CORNERS].copy().reshape(4, 2)
+            outline = half_plate + state[STATE_RIM] / px_per_m(corners, half_code)
             outline = min(max(outline, half_code), FARTHEST_RIM * half_plate)
             x0, y0, x1, y1 = plate_window(code_homography(corners, half_code), outline, 3 + 2 * radius)
             x0, y0, x1, y1 = max(x0, 0), max(y0, 0), min(x1, image.shape[1]), min(y1, image.shape[0])
             if x1 - x0 < 8 or y1 - y0 < 6 or x1 - x0 > LARGEST_PX or y1 - y0 > LARGEST_PX:
                 return values, info, corners, variance, size, 0.0
             patch = image[y0:y1, x0:x1].astype(np.float64)
-            shifts = state[8:13]
+            shifts = state[LEVELS]
             white = outline + beyond
             B, residual = _expand(patch, corners, half_code, white, rectangles, levels, shifts, lut, x0, y0, radius)
-            prior = ridge.copy()
+            prior = FEATURE_RIDGE.copy()
             if radius > 0:
-                prior[13:18] = 1e12
+                prior[HELD_FEATURES] = 1e12
             values, info, rss, count = _solve(B, residual, prior)
             variance = max(rss, 0.0) / max(count - N_FEATURES, 1)
-            step = np.empty(N_STATE)
-            step[:13] = values[:13]
-            step[RIM] = values[18]
-            size = max(np.abs(step[:8]).max(), abs(step[RIM]))
+            step = values[STATE_FEATURES]
+            size = max(np.abs(step[CORNERS]).max(), abs(step[STATE_RIM]))
             move = _accelerated(state, step, before, changes, n)
-            move *= min(1.0, (1.5 + radius) / max(np.abs(move[:8]).max(), abs(move[RIM]), 1e-9))
+            move *= min(1.0, (1.5 + radius) / max(np.abs(move[CORNERS]).max(), abs(move[STATE_RIM]), 1e-9))
             state += move
-            if np.abs(state[:8] - start[:8]).max() > max_px:
+            if np.abs(state[CORNERS] - start[CORNERS]).max() > max_px:
                 return values, info, corners, variance, size, 0.0
             if size < SMALLEST_STEP_PX:
                 break
-    values[:13] = state[:13]
-    values[18] = state[RIM]
-    return values, info, state[:8].copy().reshape(4, 2), variance, size, 1.0 if size < 0.05 else 0.0
+    values[STATE_FEATURES] = state
+    return values, info, state[CORNERS].copy().reshape(4, 2), variance, size, 1.0 if size < 0.05 else 0.0

@@ -3,11 +3,13 @@
 import numpy as np
 
 from gap.measure.plate import _draw, code_homography, plate_window
+from gap.observables import COLUMN, NOISE_FEATURES, columns
 from gap.pixels.raster import running_sums
 from kernels import njit
 
 GROUND, WHITE, BLACK, SKY = 1, 2, 3, 4
 FIELD_COLUMNS, FIELD_ROWS = 8, 5
+N_GROUND = FIELD_COLUMNS * FIELD_ROWS  # regions of ground; those of sky follow
 REGION_SIDE_PX = 16  # of the squares that are looked at: whole blocks of 16, less 8 on each side
 REGION_EDGE_PX = 8
 HORIZON_BAND_PX = 30
@@ -19,10 +21,10 @@ SHORTEST_STRIPE_PX = 8
 FLAT_DN2 = 1 / 12  # variance that rounding adds: what a codec or a filter leaves below it hangs on a tenth of a level
 FLAT_ERROR = 1.0  # standard error of such a variance's logarithm
 FEWEST_STRIPES = 20
-NOISE_FEATURES = (
-    "noise_ground", "noise_white", "noise_black", "noise_sky", "noise_y_over_x", "noise_lag2_x", "noise_lag2_y",
-    "noise_tails", "blocks_x", "blocks_y", "stripes_row", "stripes_column", "noise_colour",
-)  # fmt: skip
+# Columns of NOISE_FEATURES: variances by surface, what neighbours share, rare large values, traces of a codec, stripes, colour
+BY_SURFACE, SHARED = columns("noise_ground", "noise_sky"), columns("noise_y_over_x", "noise_lag2_y")
+BLOCKS, STRIPES = columns("blocks_x", "blocks_y"), columns("stripes_row", "stripes_column")
+ON_GROUND, TAILS, COLOUR = (COLUMN[name] for name in ("noise_ground", "noise_tails", "noise_colour"))
 
 
 @njit(cache=True, nogil=True)
@@ -175,32 +177,32 @@ def noise_features(green, red, blue, classes, ground):
     with np.errstate(invalid="ignore", divide="ignore"):
         d1x, d1y, d2x, d2y = (sums[:, i] / sums[:, i + 1] / 2 for i in (0, 2, 4, 6))
     n = sums[:, 1] + sums[:, 3]
-    for i, k in enumerate((GROUND, WHITE, BLACK, SKY)):
+    for i, k in zip(range(len(values))[BY_SURFACE], (GROUND, WHITE, BLACK, SKY), strict=True):
         if n[k] >= FEWEST_PX:
             values[i] = np.log(max((sums[k, 0] + sums[k, 2]) / n[k] / 2, 1e-3))
             errors[i] = np.sqrt(3 / n[k]) if values[i] > np.log(FLAT_DN2) else FLAT_ERROR
-    if n[GROUND] >= FEWEST_GROUND_PX and values[0] > np.log(FLAT_DN2):
+    if n[GROUND] >= FEWEST_GROUND_PX and values[ON_GROUND] > np.log(FLAT_DN2):
         se = np.sqrt(6 / n[GROUND])
         g = GROUND
-        values[4:7] = _log_ratio(d1y[g], d1x[g]), _log_ratio(d2x[g], d1x[g]), _log_ratio(d2y[g], d1y[g])
-        errors[4:7] = 2 * se
+        values[SHARED] = _log_ratio(d1y[g], d1x[g]), _log_ratio(d2x[g], d1x[g]), _log_ratio(d2y[g], d1y[g])
+        errors[SHARED] = 2 * se
         mean2 = fourth[0] / fourth[2]
-        values[7] = _log_ratio(fourth[1] / fourth[2], 3 * mean2**2)
-        errors[7] = np.sqrt(40 / n[g])
-        values[8] = _log_ratio(blocks[0, 0] / blocks[0, 1], blocks[1, 0] / blocks[1, 1])
-        values[9] = _log_ratio(blocks[2, 0] / blocks[2, 1], blocks[3, 0] / blocks[3, 1])
-        errors[8:10] = np.sqrt(3 / blocks[0, 1]), np.sqrt(3 / blocks[2, 1])
-        for i in range(2):
-            if stripes[i, 1] >= FEWEST_STRIPES:
-                values[10 + i] = _log_ratio(stripes[i, 0] / stripes[i, 1], 2 * (d1y, d1x)[i][g])
-                errors[10 + i] = np.sqrt(3 / stripes[i, 1])
+        values[TAILS] = _log_ratio(fourth[1] / fourth[2], 3 * mean2**2)
+        errors[TAILS] = np.sqrt(40 / n[g])
+        at_8, elsewhere = blocks[::2], blocks[1::2]
+        values[BLOCKS] = [_log_ratio(a / n_a, b / n_b) for (a, n_a), (b, n_b) in zip(at_8, elsewhere, strict=True)]
+        errors[BLOCKS] = np.sqrt(3 / at_8[:, 1])
+        for i, (total, pairs), of_noise in zip(range(len(values))[STRIPES], stripes, (d1y[g], d1x[g]), strict=True):
+            if pairs >= FEWEST_STRIPES:
+                values[i] = _log_ratio(total / pairs, 2 * of_noise)
+                errors[i] = np.sqrt(3 / pairs)
         if red is not None:
             colour, _, _ = structure(red - blue, classes)
             per_pair = (colour[g, 0] + colour[g, 2]) / (colour[g, 1] + colour[g, 3]) / 2
-            values[12] = _log_ratio(per_pair, 2 * np.exp(values[0]))
-            errors[12] = np.sqrt(6 / n[g])
+            values[COLOUR] = _log_ratio(per_pair, 2 * np.exp(values[ON_GROUND]))
+            errors[COLOUR] = np.sqrt(6 / n[g])
         # rare large values, as flats have after JPEG or with hot pixels, tell less of a variance than a normal's
-        errors *= np.sqrt(max(np.exp(values[7]), 1.0))
+        errors *= np.sqrt(max(np.exp(values[TAILS]), 1.0))
     return values, errors
 
 

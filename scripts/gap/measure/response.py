@@ -2,39 +2,31 @@
 
 import numpy as np
 
-from gap.measure.plate import (
-    FARTHEST_RIM,
-    N_FEATURES,
-    N_STATE,
-    RIM,
-    STATE_FEATURES,
-    _expand,
-    _solve,
-    code_homography,
-    plate_window,
-    px_per_m,
-)
+from gap.measure.plate import FARTHEST_RIM, N_STATE, _expand, _solve, code_homography, plate_window, px_per_m
+from gap.observables import CORNERS, FEATURE_RIDGE, LEVELS, N_FEATURES, STATE_FEATURES, STATE_RIM
 from kernels import njit
 
 PIXEL_STEP_PX = 0.05  # of the corners, for how the model changes with them
 
 
 @njit(cache=True, nogil=True)
-def plate_response(image, state, half_code, half_plate, beyond, rectangles, levels, lut, ridge):
+def plate_response(image, state, half_code, half_plate, beyond, rectangles, levels, lut):
     """Return (response (19, n), x0, y0, rows, columns): by what the features of a plate change with each pixel of a window.
 
     The plate was measured in ``image`` and its state (14,) is where the fit ended; the window is (rows, columns) from x0, y0.
     Where the fit's steps vanish, c(state, image) = 0 of the moving features: the implicit function theorem says how the state
     goes with the image; the others follow the state and the image. With M c = B r, M dc = dB (r - B'c) + B (dr - dB'c).
     """
-    corners = state[:8].copy().reshape(4, 2)
-    outline = half_plate + state[RIM] / px_per_m(corners, half_code)
+    corners = state[CORNERS].copy().reshape(4, 2)
+    outline = half_plate + state[STATE_RIM] / px_per_m(corners, half_code)
     outline = min(max(outline, half_code), FARTHEST_RIM * half_plate)
     x0, y0, x1, y1 = plate_window(code_homography(corners, half_code), outline, 3)
     x0, y0, x1, y1 = max(x0, 0), max(y0, 0), min(x1, image.shape[1]), min(y1, image.shape[0])
     patch = image[y0:y1, x0:x1].astype(np.float64)
-    B, residual = _expand(patch, corners, half_code, outline + beyond, rectangles, levels, state[8:13], lut, x0, y0, 0)
-    c, M, _, _ = _solve(B, residual, ridge)
+    B, residual = _expand(
+        patch, corners, half_code, outline + beyond, rectangles, levels, state[LEVELS], lut, x0, y0, 0
+    )
+    c, M, _, _ = _solve(B, residual, FEATURE_RIDGE)
     flat, left = B.reshape(N_FEATURES, -1), residual.copy().ravel()
     by_pixel = np.linalg.solve(M, flat)
     explained = c @ flat
@@ -42,16 +34,16 @@ def plate_response(image, state, half_code, half_plate, beyond, rectangles, leve
     own = flat @ unexplained
     by_state = np.empty((N_FEATURES, N_STATE))
     for k in range(N_STATE):
-        if 8 <= k < RIM:  # levels bend nothing
+        if LEVELS.start <= k < LEVELS.stop:  # levels bend nothing
             by_state[:, k] = -by_pixel @ flat[k]
             continue
         moved = state.copy()
         moved[k] += PIXEL_STEP_PX
-        corners = moved[:8].copy().reshape(4, 2)
-        outline = half_plate + moved[RIM] / px_per_m(corners, half_code)
+        corners = moved[CORNERS].copy().reshape(4, 2)
+        outline = half_plate + moved[STATE_RIM] / px_per_m(corners, half_code)
         outline = min(max(outline, half_code), FARTHEST_RIM * half_plate)
         B_there, left_there = _expand(
-            patch, corners, half_code, outline + beyond, rectangles, levels, state[8:13], lut, x0, y0, 0
+            patch, corners, half_code, outline + beyond, rectangles, levels, state[LEVELS], lut, x0, y0, 0
         )
         flat_there = B_there.reshape(N_FEATURES, -1)
         there = flat_there @ unexplained - own

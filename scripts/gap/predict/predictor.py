@@ -13,7 +13,7 @@ import numpy as np
 from effects import library, pipeline
 from effects.encoding import mean_of_clipped
 from gap.measure.capture import (
-    N_COLOUR,
+    colour_in,
     colour_of,
     colour_responses_of,
     grey_of,
@@ -23,11 +23,10 @@ from gap.measure.capture import (
     plate_cores,
     responses_of,
     states_at,
-    states_of,
     window_classes,
 )
-from gap.measure.plate import N_FEATURES
 from gap.measure.response import respond
+from gap.observables import N_COLOUR, N_FEATURES, corners_in, shifted, states_of
 from gap.pixels.windows import make_atlas
 from gap.predict.synthesis import ground_seen_at, shade, window_coverages
 from job import seed_of
@@ -48,10 +47,6 @@ class Prediction:
     colour: np.ndarray
     field: np.ndarray
     noise: np.ndarray | None
-
-    def corners_of(self, plates):
-        """Return the corners (k, 4, 2) of some plates, pixels; (k, 1, 2) of a board's points."""
-        return self.features[plates, :8].reshape(len(plates), -1, 2)
 
 
 class NormalNumbers:
@@ -153,9 +148,8 @@ class Shown:
         with np.errstate(invalid="ignore"):
             near = ((self.exact > -FARTHEST_OFF_PX) & (self.exact < size + FARTHEST_OFF_PX)).all((1, 2))
             sides = np.linalg.norm(self.exact - np.roll(self.exact, -1, axis=1), axis=-1)
-        return np.flatnonzero(
-            self.observation.measured & near & (sides.min(1) > 1.0) & (sides.max(1) < FARTHEST_OFF_PX)
-        )
+        measured = self.observation.measured
+        return np.flatnonzero(measured & near & (sides.min(1) > 1.0) & (sides.max(1) < FARTHEST_OFF_PX))
 
     def _regions(self):
         """Return the cells whose regions are looked at."""
@@ -233,10 +227,9 @@ class Shown:
         grey = grey_of(levels)
         features, measured = self._features(grey)
         colour = np.zeros((len(features), N_COLOUR))
-        for k, i in self._seen(measured) if levels.shape[2] > 1 else ():
-            corners = features[i, :8].reshape(4, 2) - self.atlas.offset(k)
-            window = levels[self.atlas.window(k)]
-            colour[i] = colour_of(window, colour_responses_of(window.shape[:2], corners, self.codes, i))
+        for k, i in self._seen(measured):
+            corners = corners_in(features[i]) - self.atlas.offset(k)
+            colour[i] = colour_in(levels[self.atlas.window(k)], corners, self.codes, i)
         field, _ = measure_regions(grey, self.atlas, self.plates, self.regions)
         return Prediction(features, measured, colour, field, None)
 
@@ -249,12 +242,9 @@ class Shown:
         states = states_at(self.exact, self.codes, self.rims)
         features, measured = np.full((len(states), N_FEATURES), np.nan), np.zeros(len(states), bool)
         for k, i in enumerate(self.plates):
-            offset = np.tile(self.atlas.offset(k), 4)
-            state = states[i].copy()
-            state[:8] -= offset
-            window = np.ascontiguousarray(grey[self.atlas.window(k)])
-            features[i], _, measured[i] = measure_one(window, state, self.codes, i)
-            features[i, :8] += offset
+            offset, window = self.atlas.offset(k), np.ascontiguousarray(grey[self.atlas.window(k)])
+            found, _, measured[i] = measure_one(window, shifted(states[i], -offset), self.codes, i)
+            features[i] = shifted(found, offset)
         return features, measured
 
     @cached_property
@@ -271,7 +261,7 @@ class Shown:
     def _noise(self, formed, features, measured):
         """Return the noise features of an image formed with noise, plates as they were measured."""
         if self._classes is None:
-            corners = np.where(measured[:, None, None], features[:, :8].reshape(-1, 4, 2), self.exact)
+            corners = np.where(measured[:, None, None], corners_in(features), self.exact)
             self._classes = window_classes(self.atlas, self.plates, corners, self.codes, self._noise_regions)
         image = np.clip(np.rint(formed.outcome[0][: self.atlas.shape[0]]), 0, 255)
         return measure_noise(image, self.atlas, self.plates, self._noise_regions, self._classes)[0]
@@ -316,9 +306,8 @@ class Shown:
 
     def _measured_again(self, k, i, window):
         """Return by what the features (19,) of plate i differ in another image of its window; zeros where it is lost."""
-        before = self.prediction.features[i].copy()
-        before[:8] -= np.tile(self.atlas.offset(k), 4)
-        features, _, found = measure_one(window, states_of(before[None])[0], self.codes, i)
+        before = shifted(self.prediction.features[i], -self.atlas.offset(k))
+        features, _, found = measure_one(window, states_of(before), self.codes, i)
         return features - before if found else np.zeros(N_FEATURES)
 
     @cached_property
@@ -326,8 +315,7 @@ class Shown:
         """{plate: gap.measure.plate.plate_response} of the plates that were measured."""
         grey, out = grey_of(self.levels), {}
         for k, i in self._seen(self.prediction.measured):
-            features = self.prediction.features[i].copy()
-            features[:8] -= np.tile(self.atlas.offset(k), 4)
+            features = shifted(self.prediction.features[i], -self.atlas.offset(k))
             out[i] = responses_of(np.ascontiguousarray(grey[self.atlas.window(k)]), features, self.codes, i)
         return out
 
@@ -336,7 +324,7 @@ class Shown:
         """{plate: gap.measure.capture.colour_response} of the plates that were measured."""
         out = {}
         for k, i in self._seen(self.prediction.measured):
-            corners = self.prediction.features[i, :8].reshape(4, 2) - self.atlas.offset(k)
+            corners = corners_in(self.prediction.features[i]) - self.atlas.offset(k)
             shape = self.levels[self.atlas.window(k)].shape[:2]
             out[i] = colour_responses_of(shape, corners, self.codes, i)
         return out
