@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from reporting.sentences import changes_words, needs_words
+from reporting.sentences import changes_words, needs_words, or_others, residue_words
 from rig.words import LADDER, gap_along, with_error
 
 MOST_CANDIDATES = 12
@@ -119,8 +119,9 @@ def words(diagnosis):
     for step in steps:
         values = ", ".join(f"{k} = {with_error(p['value'], p['se'])}" for k, p in step["parameters"].items())
         few = values if len(step["parameters"]) <= 6 else f"{len(step['parameters'])} parameters"
-        line = f"- **{step['effect']}** ({few}): the gap falls from {step['gap_before']:.2f} to {step['gap_after']:.2f} floors"
-        if step["confused_with"]:
+        line = f"- **{step['effect']}** ({few}){or_others(step)}{residue_words(step)}: "
+        line += f"the gap falls from {step['gap_before']:.2f} to {step['gap_after']:.2f} floors"
+        if step["confused_with"] and "one_of" not in step:
             line += f"; this rig can hardly tell it from {', '.join(step['confused_with'])}"
         lines.append(line)
     if diagnosis["verdict"] == "unexplained":

@@ -65,6 +65,8 @@ def step_records(steps, base, floors):
                 "gap_after_se": gap_error(step.twin.groups, floors),
                 "confused_with": list(step.confused_with),
             }
+            | ({"one_of": list(step.one_of)} if step.one_of else {})
+            | ({"residue": step.residue} if step.residue else {})
         )
         before = step.twin.groups
     return records

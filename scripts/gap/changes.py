@@ -12,6 +12,7 @@ from effects import library
 from gap.board import seen_by_points
 from gap.board_shape import offsets_of
 from gap.evidence import start_step
+from gap.exchange import MAX_GROUP
 from gap.joined import joined
 from gap.joint_fit import JointFit, JointTwin, Slots, moments, ridge_of
 from gap.observables import corners_in
@@ -32,7 +33,6 @@ MAX_CHANGES = 6
 SHAPE_ROUNDS = 2  # in which a board's shape and the twin are fitted in turn
 MIN_SHARE_OF_WARP = 0.5
 MAX_TIMES_OFF = 4.0  # the median residual of a set, beyond which a capture is an outlier
-MAX_GROUP = 3  # effects that may stand for one another
 EXCHANGE_ERRORS = 2.0  # standard errors over captures up to which two changes explain alike
 
 

@@ -5,12 +5,13 @@ from functools import partial
 from effects import library
 from gap.parameters import is_geometric
 from gap.residuals import NU, total, width_of
-from gap.search import MAX_BEHIND, MAX_STARTS, MIN_GAIN, SCALE_FROM_NEAR, SCALE_FROM_START
+from gap.search import MAX_BEHIND, MAX_STARTS, MIN_GAIN, SCALE_FROM_NEAR, SCALE_FROM_START, is_as_good
 from gap.split import probes
 from gap.standing import MIN_SHARE
 
 FURTHER_ITERATIONS = 3  # of a fit after a change to it
 MAX_SIMPLE = 3  # parameters of an effect that has no more than one form
+MAX_GROUP = 3  # effects that may stand for one another
 
 
 def short_fit(search, effects, poses, scale, iterations=FURTHER_ITERATIONS, moving=None, rough=()):
@@ -61,7 +62,7 @@ def from_best_starts(search, end, names):
         if library.is_pure_geometry(name) or search.problem.shows(name):
             continue
         for start in _nearest_starts(search, end, name):
-            other = fitted_alone(search, _with(end.state.effects, name, start), end.state.poses, [name])
+            other = fitted_alone(search, in_place(end.state.effects, name, (name, start)), end.state.poses, [name])
             if other.loss < end.loss - MIN_GAIN:
                 end = other
     return list(end.state.effects), end.state.poses
@@ -74,15 +75,15 @@ def _nearest_starts(search, end, name):
         return starts if len(starts) > 1 else ()
 
     def left(start):
-        effects = _with(end.state.effects, name, start)
+        effects = in_place(end.state.effects, name, (name, start))
         return total(search.solver.residuals_of(effects, end.state.poses, probes(search.train)), NU)
 
     return sorted(starts, key=left)[:MAX_STARTS]
 
 
-def _with(effects, name, values):
-    """Return effects [(name, p)] in which one has other parameters."""
-    return [(n, values if n == name else p) for n, p in effects]
+def in_place(effects, name, other):
+    """Return effects [(name, p)] in which another, (name, p), has the place of one."""
+    return [other if e[0] == name else e for e in effects]
 
 
 def exchanged(search, end, name, rivals, iterations=FURTHER_ITERATIONS):
@@ -110,6 +111,16 @@ def exchanged(search, end, name, rivals, iterations=FURTHER_ITERATIONS):
     kept = min(left, key=left.get)
     near = [n for n in left if n != kept and left[n] < left[kept] + MIN_GAIN]
     return ends[kept], kept, [(n, dict(ends[n].state.effects)[n]) for n in near]
+
+
+def one_of(search, twin, name, others):
+    """Return (name, others that cannot be told from it), the best first, MAX_GROUP of them at most; () where it stands alone.
+
+    ``others`` [(name, p)] are fitted in the effect's place in a Twin, with all the rest: each that is as good stands for it.
+    """
+    fitted = {other[0]: search.fitted(in_place(twin.effects, name, other), twin.poses) for other in others}
+    alike = [n for n in fitted if is_as_good(fitted[n], twin)]
+    return (name, *sorted(alike, key=lambda n: sum(fitted[n].losses.values())))[:MAX_GROUP] if alike else ()
 
 
 def is_simple(name):

@@ -1,21 +1,28 @@
 """Where a search stands: the sets of effects that it has had, its steps, and the outcome of a way through it."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
+from gap.exchange import in_place, one_of
 from gap.search import Search
-from gap.standing import verdict_of
+from gap.standing import residue_of, verdict_of
 from gap.twin import Candidate, Twin
 
 
 @dataclass(frozen=True)
 class Step:
-    """One step: the effect that was added, the refitted twin, and what else was tried."""
+    """One step: the effect that was added, the refitted twin, and what else was tried.
+
+    confused_with  names that were hardly worse; one_of  its own and those that would do as well in the last twin, where any would
+    main_group  of observables, in which it gained most; residue  {it: gap} where the last twin closes it but not to the floor
+    """
 
     effect: str
     twin: Twin
     candidates: tuple
     confused_with: tuple
     main_group: str
+    one_of: tuple = ()
+    residue: dict = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -112,8 +119,24 @@ def told_apart(step, known, alike, twin):
     if known:
         return replace(step, candidates=known.candidates, confused_with=known.confused_with)
     alike = [e for e in alike if e[0] not in twin.names]
-    in_place = [Candidate(step.effect, dict(twin.effects)[step.effect], twin, True)]
+    tried = [Candidate(step.effect, dict(twin.effects)[step.effect], twin, True)]
     for name, p in alike:
-        effects = tuple((name, p) if e[0] == step.effect else e for e in twin.effects)
-        in_place.append(Candidate(name, p, replace(twin, effects=effects), True))
-    return replace(step, candidates=tuple(in_place), confused_with=tuple(n for n, _ in alike))
+        effects = tuple(in_place(twin.effects, step.effect, (name, p)))
+        tried.append(Candidate(name, p, replace(twin, effects=effects), True))
+    return replace(step, candidates=tuple(tried), confused_with=tuple(n for n, _ in alike))
+
+
+def in_last_twin(search, twin, steps, before):
+    """Return the Steps to a Twin with what it says of their names: which others would do as well (of a board's photographs
+    gap.needs computes that), and what the form of each group's first leaves. ``before`` is the first excess {group: loss}.
+    """
+    first, told = {step.main_group: step.effect for step in reversed(steps)}, []
+    for step in steps:
+        confused = tuple(n for n in step.confused_with if n not in twin.names)
+        tried = {c.effect: c.parameters for c in step.candidates}
+        others = [] if search.problem.is_board else [(n, tried[n]) for n in confused]
+        group, within = step.main_group, search.problem.floor_within
+        residue = residue_of(twin, group, before, within) if first[group] == step.effect else {}
+        alike = one_of(search, twin, step.effect, others)
+        told.append(replace(step, confused_with=confused, one_of=alike, residue=residue))
+    return tuple(told)

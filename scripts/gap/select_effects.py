@@ -11,7 +11,7 @@ import numpy as np
 from effects import library
 from gap.exchange import is_simple, loss_of, short_fit
 from gap.joint_way import MANY, all_at_once
-from gap.outcome import Selection, Step, outcome_of, twins_on_the_way, without_unneeded
+from gap.outcome import Selection, Step, in_last_twin, outcome_of, twins_on_the_way, without_unneeded
 from gap.search import (
     ITERATIONS_OF_STARTS,
     MAX_PARAMETERS,
@@ -92,13 +92,9 @@ def concluded(selection, base, first):
     patched = not any(closes_a_good_share(best.twin, step.main_group, before) for step in best.steps)
     if not best.is_closed and best.share_left > HARDLY_CLOSED and patched:
         best = outcome_of(selection.search.problem, (), rank(first), base, before)
-    return replace(
-        best,
-        steps=tuple(
-            replace(s, confused_with=tuple(n for n in s.confused_with if n not in best.twin.names)) for s in best.steps
-        ),
-        within_budget=not selection.is_spent(),
-    )
+    within_budget = not selection.is_spent()  # what follows changes no name
+    told = in_last_twin(selection.search, best.twin, best.steps, before)
+    return replace(best, steps=told, within_budget=within_budget)
 
 
 def _one_by_one(selection, base, first, before, together):

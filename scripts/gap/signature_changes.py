@@ -11,7 +11,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from effects import library
-from gap.changes import MAX_GROUP, MAX_P, MIN_CAPTURES
+from gap.changes import MAX_P, MIN_CAPTURES
+from gap.exchange import MAX_GROUP
 from gap.observables import SIGNS, SIGNS_OF_GROUP
 from gap.parameters import spec
 from gap.permutation import labellings

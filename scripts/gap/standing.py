@@ -3,7 +3,7 @@
 import numpy as np
 
 from gap.residuals import GROUPS
-from gap.score import excess_of
+from gap.score import excess_of, group_gaps
 
 MIN_SHARE = 0.15  # of what is left above the floor, that a candidate must gain: less is a patch on a wrong form
 MIN_SHARE_OF_GROUP = 0.6  # of the excess of one group of observables, that is enough as well
@@ -42,6 +42,12 @@ def is_open(twin, group, before):
 def closes_a_good_share(twin, group, before):
     """Return whether a twin closes a group that had a good share of the first excess ``before``."""
     return has_good_share(group, before) and not is_open(twin, group, before)
+
+
+def residue_of(twin, group, before, floor_within=1.0):
+    """Return {group: gap in floors} of a group of observables that a twin closes but leaves above the floor, {} of any other."""
+    gap = group_gaps(twin.groups, twin.floors).get(group, 0.0)
+    return {group: gap} if gap > MAX_FLOOR_GAP * floor_within and not is_open(twin, group, before) else {}
 
 
 def verdict_of(steps, twin, share_left=1.0, floor_within=1.0):

@@ -93,7 +93,7 @@ def verdict_words(diagnosis):
     if diagnosis.get("baseline"):
         return changes_words(diagnosis)
     steps = diagnosis.get("steps", [])
-    effects = listed(effect_words(step) + or_others(step) for step in steps)
+    effects = listed(effect_words(step) + or_others(step) + residue_words(step) for step in steps)
     if diagnosis["verdict"] == "adequate":
         words = "nothing is missing; the twin explains the images down to the floor."
     elif diagnosis["verdict"] == "explained":
@@ -110,10 +110,7 @@ def verdict_words(diagnosis):
     confused = sorted({plain(name) for step in steps for name in step.get("confused_with", []) if "one_of" not in step})
     if confused:
         words += f" These captures cannot tell it apart from {listed(confused)}."
-        station = diagnosis.get("suggested_station")
-        if station and station.get("height_m") is not None:
-            words += f" A station at {station['height_m']:g} m height and {station['tilt_deg']:g}° tilt could."
-    words += whole_lens_words(diagnosis) + own_words(diagnosis) + needs_words(diagnosis)
+    words += station_words(diagnosis) + whole_lens_words(diagnosis) + own_words(diagnosis) + needs_words(diagnosis)
     return words + not_looked_at_words(diagnosis)
 
 
@@ -133,6 +130,21 @@ def or_others(step):
     """Return what else a step may be, in words; nothing where its captures tell."""
     others = [plain(name) for name in step.get("one_of", []) if name != step["effect"]]
     return f" (or {listed(others)}: these captures cannot tell)" if others else ""
+
+
+def residue_words(step):
+    """Return what the form of a step's effect leaves above the floor, in brackets; nothing where it leaves nothing."""
+    left = listed(f"{plain(group)} {gap:.2f} floors" for group, gap in step.get("residue", {}).items())
+    return f" (its form leaves a residue: {left})" if left else ""
+
+
+def station_words(diagnosis):
+    """Return which station could tell an effect from what it is confused with, a sentence; nothing where none is suggested."""
+    station = diagnosis.get("suggested_station")
+    if not station:
+        return ""
+    pair = " from ".join(map(plain, station["tells_apart"]))
+    return f" A station at {station['height_m']:g} m height and {station['tilt_deg']:g}° tilt could tell {pair}."
 
 
 def needs_words(diagnosis):

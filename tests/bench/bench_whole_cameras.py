@@ -25,9 +25,9 @@ from gap.select_effects import verdict  # noqa: E402
 from record import record  # noqa: E402
 from trials.generate_trials import generate_trial  # noqa: E402
 from trials.observe_trial import observe_trial, observed_cases  # noqa: E402
+from trials.summarise_trials import MAX_GROUP  # noqa: E402
 
 THREADS = 2
-MAX_GROUP = 3  # names that captures cannot tell apart, of which one is hidden: more tell nothing
 
 
 def diagnosed(index, seed):
@@ -39,7 +39,7 @@ def diagnosed(index, seed):
     start = time.perf_counter()
     search, base, _, outcome = verdict(case, threads=THREADS)
     seconds = time.perf_counter() - start
-    groups = [(step.effect, *step.confused_with) for step in outcome.steps]
+    groups = [step.one_of or (step.effect,) for step in outcome.steps]
     return {
         "hidden": [e["effect"] for e in truth["effects"]],
         "verdict": outcome.verdict,

@@ -1,10 +1,14 @@
 """Steps of an outcome."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
-from stand_in_twins import base_twin
+import pytest
+from stand_in_twins import base_twin, standing_with, twin_with_gaps
 
-from gap.outcome import Step, told_apart
+from gap.outcome import Step, in_last_twin, told_apart
+from gap.standing import residue_of
+from gap.twin import Candidate
 
 
 def test_what_did_as_well_is_told_with_a_twin_in_its_place():
@@ -15,3 +19,82 @@ def test_what_did_as_well_is_told_with_a_twin_in_its_place():
     assert told.confused_with == ("defocus",)
     assert [c.twin.names for c in told.candidates] == [["lens_blur", "exposure"], ["defocus", "exposure"]]
     assert told_apart(step, told, [], twin).confused_with == ("defocus",)
+
+
+LOSSES = {"defocus": 524.0, "motion_blur": 526.0, "field_curvature": 500.0, "denoising": 510.0}  # of the twin: 500
+
+
+def exchanging_search(is_board=False):
+    """Return a search in which a fit of the effects beside exposure loses what LOSSES says of the other, and notes them."""
+    asked = []
+
+    def fitted(effects, poses):
+        (other, _), exposure = effects
+        assert exposure == ("exposure", {"scale": 1.1})
+        asked.append(other)
+        return standing_with(effects, LOSSES[other])
+
+    problem = SimpleNamespace(is_board=is_board, floor_within=1.0)
+    return SimpleNamespace(problem=problem, fitted=fitted, asked=asked)
+
+
+def step_confused_with(*names):
+    """Return (Twin of a blur and an exposure, Step of the blur, tried beside others and confused with some effects)."""
+    twin = replace(base_twin(), effects=(("lens_blur", {}), ("exposure", {"scale": 1.1})), groups={0: {}})
+    twin.__dict__["losses"] = {0: 500.0}
+    tried = tuple(Candidate(n, {}, twin, True) for n in ("lens_blur", "exposure", "vignetting", *LOSSES))
+    return twin, Step("lens_blur", twin, tried, names, "edges")
+
+
+@pytest.mark.parametrize(
+    ("confused", "one_of"),
+    [
+        ((), ()),
+        (("motion_blur",), ()),
+        (("motion_blur", "defocus"), ("lens_blur", "defocus")),
+        (("defocus", "denoising", "field_curvature"), ("lens_blur", "field_curvature", "denoising")),
+        (("exposure",), ()),
+    ],
+    ids=["none", "costs more", "one of two costs less", "the three best", "is in the twin"],
+)
+def test_a_group_has_what_costs_less_than_a_gain_in_the_last_twin(confused, one_of):
+    """Fails if what was hardly worse in an earlier twin stands for a name though the exchange costs more in the last one, the
+    twin's own effects are exchanged for one another, or a group grows beyond three.
+    """
+    search, (twin, step) = exchanging_search(), step_confused_with(*confused)
+    told = in_last_twin(search, twin, [step], {})
+    assert [s.one_of for s in told] == [one_of]
+    assert told[0].confused_with == tuple(n for n in confused if n != "exposure")
+    assert search.asked == list(told[0].confused_with)  # no other fit
+
+
+def test_names_of_a_board_are_told_from_information_not_by_fits():
+    """Fails if a board's steps get a group twice, by two rules."""
+    search, (twin, step) = exchanging_search(is_board=True), step_confused_with("defocus")
+    assert in_last_twin(search, twin, [step], {})[0].one_of == () and not search.asked
+
+
+@pytest.mark.parametrize(
+    ("gap", "before", "floor_within", "is_told"),
+    [
+        (1.3, 10.0, 1.0, True),
+        (1.09, 10.0, 1.0, False),
+        (1.3, 2.0, 1.0, False),
+        (1.3, 10.0, 2.0, False),
+    ],
+    ids=["closed, above the floor", "at the floor", "open", "where the floor is known to a factor"],
+)
+def test_what_a_form_leaves_is_told_of_a_group_that_was_closed(gap, before, floor_within, is_told):
+    """Fails if a group at its floor has a residue, or one that stays open counts as closed."""
+    first, last = twin_with_gaps(edges=before), twin_with_gaps(edges=gap)
+    found = residue_of(last, "edges", first.excess, floor_within)
+    assert found == ({"edges": pytest.approx(gap)} if is_told else {})
+
+
+def test_the_first_of_a_groups_steps_has_its_residue():
+    """Fails if a residue is told of each effect that changes a group a little, or of a group whose first step is another's."""
+    first, last = twin_with_gaps(edges=20.0, levels=20.0, noise=20.0), twin_with_gaps(edges=1.3, levels=1.2, noise=1.0)
+    names = [("lens_blur", "edges"), ("exposure", "levels"), ("sharpening", "edges"), ("sensor_noise", "noise")]
+    steps = [Step(name, last, (), (), group) for name, group in names]
+    told = in_last_twin(exchanging_search(), last, steps, first.excess)
+    assert [list(step.residue) for step in told] == [["edges"], ["levels"], [], []]

@@ -1,10 +1,13 @@
-"""Which first steps are tried, one after the other."""
+"""Which first steps are tried, one after the other, and whether what they lead to gets names."""
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
+from stand_in_twins import twin_with_gaps
 
 from gap import select_effects
+from gap.outcome import Step, outcome_of
 
 
 @pytest.mark.parametrize(("is_of_signs", "tried"), [(True, [None]), (False, [None, "defocus", "motion_blur"])])
@@ -26,3 +29,36 @@ def test_a_boards_cells_are_searched_again_only_where_nothing_explains_them(monk
     selection = SimpleNamespace(search=search, is_spent=lambda: False)
     select_effects._one_by_one(selection, None, first, {}, None)
     assert ways == tried
+
+
+def twin_with_excess(**excess):
+    """Return a Twin whose groups of observables lie above their floors by a loss each, in the same units."""
+    return twin_with_gaps(**{group: np.sqrt(1 + loss) for group, loss in excess.items()})
+
+
+@pytest.mark.parametrize(
+    ("after", "is_named"),
+    [
+        ({"levels": 44.0, "edges": 40.0}, False),
+        ({"levels": 48.0, "edges": 36.0}, False),
+        ({"levels": 23.0, "edges": 40.0}, False),
+        ({"levels": 20.0, "edges": 19.0}, True),
+        ({"levels": 10.0, "edges": 40.0}, True),
+        ({"levels": 0.1, "edges": 0.1}, True),
+    ],
+    ids=["16 % of one group", "16 % of two", "37 %", "61 %", "all but a sixth of its own group", "all"],
+)
+def test_what_closes_little_of_a_gap_that_stays_open_gets_no_name(monkeypatch, after, is_named):
+    """Fails if a step that closes a sixth, or a third, of the excess keeps its name though the gap is open, or if one that
+    closes most of it, or its own group, loses it.
+    """
+    problem = SimpleNamespace(floor_within=1.0, is_board=False)
+    selection = SimpleNamespace(search=SimpleNamespace(problem=problem), is_spent=lambda: True)
+    base, twin = twin_with_excess(levels=60.0, edges=40.0), twin_with_excess(**after)
+    step = Step("exposure", twin, (), (), "levels")
+    best = outcome_of(problem, [step], [], twin, base.excess)
+    monkeypatch.setattr(select_effects, "all_at_once", lambda *_: None)
+    monkeypatch.setattr(select_effects, "_one_by_one", lambda *_: best)
+    told = select_effects.concluded(selection, base, [])
+    assert [s.effect for s in told.steps] == (["exposure"] if is_named else [])
+    assert told.twin is (twin if is_named else base)

@@ -1,4 +1,4 @@
-"""What photographs cannot tell is said with what a photographer can do about it."""
+"""What captures cannot tell is said with what a photographer can do about it."""
 
 import pytest
 
@@ -64,3 +64,38 @@ def test_what_the_whole_lens_brings_is_told_where_it_brings_something(names, sai
 def test_an_error_of_nothing_but_rounding_is_no_error():
     """Fails if a parameter that no fit moved is told to seventeen digits."""
     assert [with_error(0.4, 3.4e-17), with_error(0.0, 3.6e-16), with_error(0.4, 0.02)] == ["0.4", "0", "0.400 ± 0.020"]
+
+
+BLUR = {"effect": "lens_blur", "parameters": {}, "gap_before": 3.0, "gap_after": 1.0}
+STATION = {"height_m": 0.8, "tilt_deg": 45.0, "difference": 90.0, "tells_apart": ["lens_blur", "defocus"]}
+COULD = "A station at 0.8 m height and 45° tilt could tell lens blur from defocus."
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        ({"confused_with": ["defocus"]}, f"These captures cannot tell it apart from defocus. {COULD}"),
+        (
+            {"confused_with": ["defocus"], "one_of": ["lens_blur", "defocus"]},
+            f"lacks lens blur (or defocus: these captures cannot tell); with that, the gap is the floor. The gap falls from 3.00 "
+            f"to 1.00 floors. {COULD}",
+        ),
+    ],
+    ids=["hardly worse", "would do as well"],
+)
+def test_a_station_is_suggested_for_names_of_a_rig(names, said):
+    """Fails if a name that would do as well is said twice or hides the station, or if it is not said what would be told."""
+    words = verdict_words({"verdict": "explained", "steps": [BLUR | names], "suggested_station": STATION})
+    assert said in words and words.count("cannot tell") == 1
+
+
+def test_what_a_form_leaves_is_said_beside_its_name(monkeypatch):
+    """Fails if a reader takes a group above its floor for a further effect: on either page the form's name stands beside it."""
+    monkeypatch.syspath_prepend(PROJECT / "notebooks")
+    import diagnosis_figures
+
+    step = BLUR | {"confused_with": [], "residue": {"edges": 1.317}}
+    said = verdict_words({"verdict": "explained", "steps": [step, BLUR | {"effect": "exposure"}]})
+    assert "lacks lens blur (its form leaves a residue: edges 1.32 floors) and exposure;" in said
+    page = diagnosis_figures.words({"camera": "a", "verdict": "explained", "steps": [step], "where": []})
+    assert "**lens_blur** () (its form leaves a residue: edges 1.32 floors): the gap falls" in page
