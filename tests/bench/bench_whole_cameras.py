@@ -39,16 +39,20 @@ def diagnosed(index, seed):
     start = time.perf_counter()
     search, base, _, outcome = verdict(case, threads=THREADS)
     seconds = time.perf_counter() - start
-    groups = [step.one_of or (step.effect,) for step in outcome.steps]
     return {
         "hidden": [e["effect"] for e in truth["effects"]],
         "verdict": outcome.verdict,
-        "groups": groups,
+        "groups": groups_of(outcome.steps),
         "before": round(base.gap, 2),
         "after": round(outcome.twin.gap, 2),
         "s": round(seconds),
         "predictions": search.cost,
     }
+
+
+def groups_of(steps):
+    """Return what each Step leaves open: [(its name and those that would do as well)]."""
+    return [step.one_of or (step.effect,) for step in steps]
 
 
 def counts_of(hidden, groups):

@@ -6,9 +6,11 @@ from types import SimpleNamespace
 import pytest
 from stand_in_twins import base_twin, standing_with, twin_with_gaps
 
+from diagnose_camera import step_records
 from gap.outcome import Step, in_last_twin, told_apart
 from gap.standing import residue_of
 from gap.twin import Candidate
+from trials.summarise_trials import names_in
 
 
 def test_what_did_as_well_is_told_with_a_twin_in_its_place():
@@ -98,3 +100,15 @@ def test_the_first_of_a_groups_steps_has_its_residue():
     steps = [Step(name, last, (), (), group) for name, group in names]
     told = in_last_twin(exchanging_search(), last, steps, first.excess)
     assert [list(step.residue) for step in told] == [["edges"], ["levels"], [], []]
+
+
+def test_a_record_has_groups_and_residues_where_there_are_any():
+    """Fails if what counts the names reads none, or if a step that stands alone seems to be one of several."""
+    last = replace(twin_with_gaps(edges=1.3), effects=(("lens_blur", {}), ("exposure", {})))
+    told = Step("lens_blur", last, (), ("defocus",), "edges", ("lens_blur", "defocus"), {"edges": 1.3})
+    records = step_records([told, Step("exposure", last, (), (), "levels")], last, last.floors)
+    assert [(r.get("one_of"), r.get("residue")) for r in records] == [
+        (["lens_blur", "defocus"], {"edges": 1.3}),
+        (None, None),
+    ]
+    assert names_in(records[0]) == ["lens_blur", "defocus"]
