@@ -14,6 +14,7 @@ from gap.measure.capture import Codes, Observation, read_rgb
 from gap.observables import N_FEATURES
 from gap.photographs import photographs_case
 from gap.problem import MARGIN_PX, Capture, Case, encoding_table
+from gap.signature import MIN_PATCHES
 from gap.signature_case import SignatureCase, is_seen_in_cells, seen_patches, twin_photograph
 from gap.split import usable
 from inputs import tables
@@ -28,7 +29,7 @@ from rig.errors import InputError
 from rig.geometry import camera_matrix, make_pose, perturb_pose
 from rig.patches import CHECKERED, board_patches
 
-MIN_PATCHES, PATCHES = 4, 6  # of a photograph, that say something of it; that its signature is measured in
+PATCHES = 6  # of a photograph, that its signature is measured in
 SIGMA_OWN = 1.0  # of a capture's own exposure, gains and slopes of light (1/m) about their null
 OBSERVED = (
     "features",
@@ -167,7 +168,7 @@ def load_patches(expand, register_json, camera, patches, points, twin, declared)
         in_colour = bool(arrays["channels"][i] > 1)
         own = declared.get(view.capture, ())
         twins.append(twin_photograph(drawn, view, given, arrays["lights"][i], plates, features, in_colour, own))
-    return SignatureCase(drawn.campaign, camera, captures, twins, arrays["signs"][chosen])
+    return SignatureCase(drawn.campaign, camera, captures, twins, arrays["signs"][chosen], drawn, tuple(given))
 
 
 def load_photographs(expand, register_json, camera, patches):

@@ -28,6 +28,7 @@ from effects.contract import available_effects
 from gap import ladder
 from gap.board import scales_alone, seen_by_points
 from gap.needs import cannot_tell
+from gap.needs_of_cells import cells_cannot_tell
 from gap.next_station import suggested_station
 from gap.problem import without_own
 from gap.residuals import flatten
@@ -206,7 +207,7 @@ def own_record(case, twin, indices):
 
 
 def telling_record(steps, hidden, alike, needs):
-    """Return what the result file says of what photographs cannot tell (gap.needs.cannot_tell), ``steps`` among it."""
+    """Return what the result file says of what photographs cannot tell (gap.needs, gap.needs_of_cells), ``steps`` among it."""
     steps = [s | ({"one_of": [s["effect"], *alike[s["effect"]]]} if s["effect"] in alike else {}) for s in steps]
     return {"steps": steps, "not_told": hidden, "needs": needs}
 
@@ -219,13 +220,15 @@ def with_cells(result, rows, base, outcome, not_looked_at, look):
     (diagnose_patches.look_at_patches).
     """
     try:
-        _, own, tried, closer, hidden = look()
+        search, own, tried, closer, hidden = look()
     except ValueError as why:
         return result | {"not_looked_at": dict.fromkeys(not_looked_at, str(why)) | result["not_looked_at"]}, rows
     gaps = gaps_on_the_way(base, outcome, own, closer)
     steps = [step.effect for step in closer.steps]
     rows = rows_of_both(rows, f"{result['campaign']}/{result['camera']}", steps, gaps)
-    result = both_looks(result, verdict_record(own, tried, closer), gaps)
+    of_cells = verdict_record(own, tried, closer)
+    of_cells |= telling_record(of_cells["steps"], *cells_cannot_tell(search, closer.twin))
+    result = both_looks(result, of_cells, gaps)
     unseen = {n: why for n, why in not_looked_at.items() if library.is_pure_geometry(n)}
     return result | {"not_looked_at": hidden | unseen}, rows
 

@@ -65,6 +65,8 @@ def both_looks(first, second, gaps):
         "steps": told,
         "candidates": _numbered(first["candidates"], second["candidates"]),
         "candidates_left": _numbered(first["candidates_left"], second["candidates_left"]),
+        "not_told": [*first["not_told"], *second["not_told"]],  # what competes in one look does not in the other
+        "needs": [*first["needs"], *second["needs"]],
         "within_budget": first["within_budget"] and second["within_budget"],
         "where": [] if first["verdict"] == "adequate" else first["where"],  # it is told of points
         "points": {k: first[k] for k in ("verdict", "gap", "gap_se", "gap_as_configured", "groups")},

@@ -10,9 +10,10 @@ import numpy as np
 from tqdm import tqdm
 
 import job
-from case_files import MIN_PATCHES, PATCHES, load_views, save_patches
+from case_files import PATCHES, load_views, save_patches
 from gap.capture_light import photograph_light
 from gap.problem import encoding_table
+from gap.signature import MIN_PATCHES
 from gap.signature_case import OF_SLOPES
 from inputs.scene import load_scene
 from photograph_changes import PhotographSet

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from case_files import MIN_PATCHES, load_measured, load_photographs, read_capture, save_points
+from case_files import load_measured, load_photographs, read_capture, save_points
 from effects import library
 from gap.changes import MIN_CAPTURES, Changes, changes
 from gap.photographs import expected_corners
-from gap.signature import OF_CODEC, Photograph
+from gap.signature import MIN_PATCHES, OF_CODEC, Photograph
 from gap.signature_changes import laid_on_numbers, signature_changes, why_not_comparable
 from gap.split import usable
 from inputs import tables

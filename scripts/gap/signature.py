@@ -34,6 +34,7 @@ LEAST = 1e-4  # of linear light
 MIN_PIXELS = 100  # of white or black, that tell their noise
 NEAR, FAR = 1, 4  # pixels, whose differences are compared to tell how sharp edges are, whatever their profile
 LEAST_EDGES = 0.1  # of what levels differ by, that is not noise
+MIN_PATCHES = 4  # of a photograph, that say something of it
 TURNS = ((1, 1), (-1, 1))  # steps (x, y) along the two diagonals
 
 

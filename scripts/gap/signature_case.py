@@ -13,11 +13,13 @@ import numpy as np
 
 from effects import library, pipeline
 from effects.encoding import srgb_decode
+from gap.measure.places import large_enough
 from gap.observables import CORNERS, LEAST_FLOOR, SIGNS, SIGNS_OF_GROUP, corners_in
 from gap.parameters import get_parameter, image_step, with_parameters
+from gap.photographs import spread_out
 from gap.predict.predictor import Kept
 from gap.predict.synthesis import ground_seen_at, shade, window_coverages
-from gap.signature import Photograph
+from gap.signature import MIN_PATCHES, Photograph
 from gap.signature_changes import FIRST_STEP, MIN_SHOWING, can_be_laid_on
 from gap.solver import Solver
 from job import seed_of
@@ -34,15 +36,17 @@ OF_SLOPES = np.array([not name.startswith(("xx", "xy", "yy")) for name in LIGHT]
 @dataclass(frozen=True)
 class TwinPhotograph(Photograph):
     """What an ideal camera shows in a photograph's place: ``draw`` returns the windows' radiance (rows, columns, C) by effects
-    that are drawn [(name, parameters)], of the print or colours moved apart; ``own`` effects the photograph's file declares.
+    that are drawn [(name, parameters)], of the print or colours moved apart, in a ``light``, LIGHT (11,); ``own`` effects the
+    photograph's file declares.
     """
 
     reach_px = 8
     draw: object = None
+    light: object = None
     in_colour: bool = True
     own: tuple = ()
-    drawn: dict = field(default_factory=dict, compare=False)
-    formed: dict = field(default_factory=dict, compare=False)
+    drawn: dict = field(default_factory=dict, compare=False, init=False)
+    formed: dict = field(default_factory=dict, compare=False, init=False)
 
     def levels(self, effects=(), rng=None):
         """Return the grey levels (rows, columns, C) of the windows, with effects [(name, parameters)] laid on."""
@@ -51,7 +55,7 @@ class TwinPhotograph(Photograph):
         if key not in self.drawn:
             self.drawn.clear()
             self.formed.clear()
-            self.drawn[key] = self.draw(self.atlas, drawn)
+            self.drawn[key] = self.draw(self.atlas, drawn, self.light)
         view = replace(self.view, margin=0, windows=self.atlas.windows)
         like, effects = self.formed.get(rng is None), [*effects, *self.own]
         self.formed[rng is None] = formed = pipeline.form(self.drawn[key], view, effects, rng, like)
@@ -68,7 +72,7 @@ def twin_photograph(case, view, given, light, plates, features, in_colour, own=(
     features = features.copy()
     features[:, CORNERS] = case.corners_of(capture, given, np.zeros(6))[plates].reshape(-1, 8)
 
-    def draw(atlas, drawn):
+    def draw(atlas, drawn, light):
         effects, planes = [*given, *drawn], []
         scene, _ = case.scene_of(effects)
         prints = case.prints_of(scene)
@@ -79,7 +83,7 @@ def twin_photograph(case, view, given, light, plates, features, in_colour, own=(
         radiance = case.lit(np.stack(planes, axis=-1).astype(np.float32), light, *ground)
         return radiance if in_colour else radiance[..., 1:2]
 
-    return TwinPhotograph(NO_IMAGE, view, case.codes, plates, features, draw, in_colour, tuple(own))
+    return TwinPhotograph(NO_IMAGE, view, case.codes, plates, features, draw, light, in_colour, tuple(own))
 
 
 @dataclass
@@ -118,7 +122,7 @@ class SignatureCase:
     """Photographs of a board whose signatures are compared with those of their twins.
 
     captures [gap.problem.Capture], ``observation`` a SeenPatches; twins [TwinPhotograph]; signs (captures, signs) of the real
-    photographs
+    photographs; board the gap.photographs.PhotographsCase that twins are drawn of, given [(name, parameters)] where points land
     """
 
     campaign: str
@@ -126,6 +130,8 @@ class SignatureCase:
     captures: list
     twins: list
     signs: np.ndarray
+    board: object = None
+    given: tuple = ()
     own = nuisances = ()
     most_captures, most_held_out = 4, 10
     draws = is_board = is_of_signs = True
@@ -155,6 +161,20 @@ class SignatureCase:
     def signature(self, i, effects):
         """Return the signs (len(SIGNS),) of capture i's twin with effects [(name, parameters)]."""
         return self.twins[i].signature(effects, NumbersOf(self.captures[i].view.capture))
+
+    def retaken(self, twin, view, light):
+        """Return the TwinPhotograph from another View in another LIGHT (11,), None where it shows fewer than MIN_PATCHES.
+
+        As many patches as a twin has, spread over what is in the frame, are looked at from its own features.
+        """
+        capture = replace(self.board.captures[0], view=view)
+        corners = self.board.corners_of(capture, list(self.given), np.zeros(6))
+        seen = np.flatnonzero(large_enough(corners, view.width, view.height))
+        plates = spread_out(self.board.corners[seen].mean(axis=1), seen, len(twin.plates))
+        if len(plates) < MIN_PATCHES:
+            return None
+        features = np.tile(np.median(twin.features, axis=0), (len(plates), 1))
+        return twin_photograph(self.board, view, self.given, light, plates, features, twin.in_colour, twin.own)
 
     @property
     def effort(self):

@@ -45,6 +45,14 @@ def lit(radiance, light, X, Y):
     return np.stack(planes, axis=-1).astype(radiance.dtype)
 
 
+def exposed(light, times):
+    """Return the LIGHT (11,) of a photograph that is exposed so many times as long."""
+    other = np.array(light, float)
+    other[LIGHT.index("gain")] += np.log(times)
+    other[LIGHT.index("stray") :] *= times
+    return other
+
+
 def in_own_light(radiance, light, view, place):
     """Return the radiance (H + 2m, W + 2m, 3) of a render (H + 2m, W + 2m) in a capture's LIGHT (11,).
 

@@ -31,6 +31,7 @@ from effects import library  # noqa: E402
 from expand_tables import expand_tables  # noqa: E402
 from gap.capture_light import photograph_light  # noqa: E402
 from gap.needs import cannot_tell  # noqa: E402
+from gap.needs_of_cells import cells_cannot_tell  # noqa: E402
 from gap.observables import SIGNS  # noqa: E402
 from gap.select_effects import BUDGET, verdict  # noqa: E402
 from gap.signature_case import NumbersOf, is_seen_in_cells  # noqa: E402
@@ -128,7 +129,9 @@ def diagnosed(name, folder):
         closer_search, own, tried, closer, _ = look_at_patches(
             of_camera, case, outcome, list(unseen), set(), declared, BUDGET, 1, None, None
         )
-        result = both_looks(result, verdict_record(own, tried, closer), gaps_on_the_way(base, outcome, own, closer))
+        of_cells = verdict_record(own, tried, closer)
+        of_cells |= telling_record(of_cells["steps"], *cells_cannot_tell(closer_search, closer.twin))
+        result = both_looks(result, of_cells, gaps_on_the_way(base, outcome, own, closer))
         off = signs_off(closer_search, own, closer.twin)
         effects = [e for e in effects if not is_seen_in_cells(e[0])] + list(closer.twin.effects)
     except ValueError as why:

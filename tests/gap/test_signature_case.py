@@ -108,7 +108,6 @@ def test_a_signature_does_not_depend_on_what_was_laid_on_before():
         np.testing.assert_array_equal(case.signature(0, effects), signatures_of({}, 6).signature(0, effects))
 
 
-
 def test_patches_are_expected_where_the_points_say():
     """Fails if a lens or a slanting view leads patches away from where a board's points are."""
     case = board_case(1)

@@ -1,0 +1,111 @@
+"""What a board's cells cannot tell, and which further photographs would: drawn ones, so that what is hidden is known."""
+
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "bench"))
+
+from diagnose_patches import both_looks  # noqa: E402
+from effects import library  # noqa: E402
+from gap.instructions import FURTHER, INSTRUCTIONS  # noqa: E402
+from gap.needs import CLEAR, Told  # noqa: E402
+from gap.needs_of_cells import OfCells, cells_cannot_tell  # noqa: E402
+from gap.search import Search  # noqa: E402
+from gap.signature import SIGNS  # noqa: E402
+from reporting.sentences import needs_words  # noqa: E402
+from retaken_board import signatures_of  # noqa: E402
+from rig.light import LIGHT, exposed  # noqa: E402
+
+COMPETING = ["exposure", "field_curvature", "lens_blur", "sensor_noise", "veiling_glare", "vignetting"]
+MORE = "take twice as many photographs"
+CORNERS = "bring the board into each corner of the image"
+
+
+@pytest.fixture(scope="module")
+def photographs():
+    """Return (Search, Twin) of photographs by a camera with noise, which the twin has."""
+    search = Search(signatures_of({"sensor_noise": {"full_well_e": 3000.0, "read_noise_e": 12.0}}, 6), COMPETING)
+    return search, search.fitted([("sensor_noise", library.starts_of("sensor_noise")[0])])
+
+
+def test_what_cells_hide_is_said_with_what_would_show_it(photographs):
+    """Fails if what a photograph's own light takes up counts as seen, a clear blur as hidden, or corners that a board has not
+    been in as no help for what grows towards them.
+    """
+    hidden, alike, needs = cells_cannot_tell(*photographs)
+    assert hidden == ["exposure", "field_curvature", "veiling_glare", "vignetting"] and alike == {}
+    assert needs == [{"effect": "field_curvature", "text": f"to tell field curvature: {CORNERS}"}]
+
+
+def test_exposure_is_each_photographs_own_light(photographs):
+    """Fails if light is not free in a photograph, or free by other numbers than those that its exposure changes."""
+    search, twin = photographs
+    look = OfCells(search, twin)
+    effects = [*twin.effects, ("exposure", {"scale": 1.0})]
+    J, Jp = look.derivatives(effects, [("exposure", "scale")], look.photographs[0])
+    left, light = J - Jp @ np.linalg.lstsq(Jp, J, rcond=None)[0], list(look.counted).index(SIGNS.index("light"))
+    assert J[light] == pytest.approx(10.0, rel=0.1)  # a floor of 0.1 in the logarithm of light
+    assert abs(left[light]) < 0.2 * J[light] and (left**2).sum() < 0.4 * (J**2).sum()  # levels are rounded
+
+
+def test_what_one_further_photograph_alone_shows_is_chance(photographs):
+    """Fails if a lucky photograph makes an instruction of which another like it shows nothing."""
+    told = Told(*photographs, ["field_curvature"], OfCells)
+
+    def seen(more):
+        return told.seen("field_curvature", more)
+
+    nothing, lucky = ([], FURTHER), (told.look.photographs, 100.0)
+    told.look.further = lambda instruction, k: (lucky, nothing)[k]
+    assert told.need("field_curvature", "", CLEAR, seen)["text"].endswith(MORE)  # the same again is no luck
+    assert told.need("field_curvature", "", 40 * CLEAR, seen) is None
+    told.look.further, told._brought = lambda instruction, k: lucky, {}
+    assert told.need("field_curvature", "", 40 * CLEAR, seen)["text"].endswith(INSTRUCTIONS[0].words)
+
+
+def test_further_photographs_are_as_the_instruction_says(photographs):
+    """Fails if a photograph from half the distance shows cells as small, or a shorter exposure leaves the light as it was."""
+    look = OfCells(*photographs)
+    by_words = {i.words: i for i in INSTRUCTIONS}
+
+    def first(words):
+        (of_one,), times = look.further(by_words[words], 0)
+        assert times == FURTHER
+        return of_one
+
+    def side_px(photograph):
+        corners = photograph.features[:, :8].reshape(-1, 4, 2)
+        return np.median(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2))
+
+    plain = look.photographs[0]
+    assert side_px(first("halve the distance in some photographs")) > 1.7 * side_px(plain)
+    assert side_px(first("double the distance in some photographs")) < 0.6 * side_px(plain)
+    dark = first("expose some photographs for a quarter of the time")
+    np.testing.assert_allclose(dark.light, exposed(plain.light, 0.25))
+    assert dark.light[LIGHT.index("gain")] == pytest.approx(plain.light[LIGHT.index("gain")] - np.log(4))
+    assert np.median(dark.levels()) < 0.7 * np.median(plain.levels())
+
+
+def test_both_looks_say_what_they_cannot_tell():
+    """Fails if what cells hide takes the place of what points do, or is lost behind it."""
+    look = {
+        "verdict": "adequate",
+        "steps": [],
+        "floor": {},
+        "candidates": [],
+        "candidates_left": [],
+        "within_budget": True,
+    }
+    look |= {"where": [], "gap": 1.0, "gap_se": 0.1, "gap_as_configured": 1.0, "groups": {}}
+    need = {"effect": "field_curvature", "text": f"to tell field curvature: {CORNERS}"}
+    points = look | {"not_told": ["print_stretch"], "needs": []}
+    cells = look | {"not_told": ["field_curvature", "vignetting"], "needs": [need]}
+    record = both_looks(points, cells, [SimpleNamespace(value=1.0, error=0.1, groups={})])
+    assert record["not_told"] == ["print_stretch", "field_curvature", "vignetting"] and record["needs"] == [need]
+    said = needs_words(record)
+    assert "would not show print stretch, field curvature and vignetting at a size worth naming" in said
+    assert f"To tell field curvature: {CORNERS}. None of the instructions that were tried would tell" in said
