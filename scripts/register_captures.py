@@ -144,10 +144,10 @@ def register_captures(expand, campaign, camera, out_csv, out_json, effects=(), l
             hashes, seen = look_at_captures(campaign, captures, size, marker_finder(markers))
             views, register = views_of_markers(seen), register_markers
         fits = calibrations(folder_views or (views if facts["target"] else {}), size, campaign, camera)
+        exif_px = None if known else exif_focal_px(campaign, captures, size)
         if known is None and facts["target"] and not folder_views:
-            where = f"{campaign}/campaign.yaml: cameras.{camera}"
-            check_tilt(views, fits["5"], where, exif_focal_px(campaign, captures, size))
-        known = known or calibration.ideal_intrinsics(views, folder_views, size, messages)
+            check_tilt(views, fits["5"], f"{campaign}/campaign.yaml: cameras.{camera}", exif_px)
+        known = known or calibration.ideal_intrinsics(views, folder_views, size, messages, exif_px)
         K, sigma = camera_matrix(*known), prior_of(facts["tolerance"])
         lens = lens_of(View(K, *size, 0, np.eye(4), camera, "", ""), effects)
         outcomes = {c: register(seen[c], K, nominal[c], sigma, lens) for c in captures.capture}

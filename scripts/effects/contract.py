@@ -20,6 +20,7 @@ SHARED_MODULES = (
     "library",
     "medians",
     "noise_kernels",
+    "own_tables",
     "pipeline",
     "quantisation",
     "resampling",

@@ -22,6 +22,7 @@ from effects.base import Parameter
 from effects.encoding import mean_of_clipped
 from effects.filters import frame_of
 from effects.noise_kernels import correlations, followed
+from effects.own_tables import compressed_as_own, own_of, steps_of
 from effects.quantisation import BLOCK, COSINES, COSINES_BACK, LAGS, by_blocks, gains_of
 from kernels import njit
 
@@ -62,10 +63,15 @@ QUALITIES_SEEN = range(5, 97)
 
 
 def declared_by(facts):
-    """Return the parameters of the tables in a JPEG's own file; None of a file that is none."""
+    """Return the parameters of the tables in a JPEG's own file; None of a file that is none.
+
+    ``loss`` and ``full_colour`` are the nearest; where these are not the file's own, ``own`` is there (effects.own_tables).
+    """
     if not facts["jpeg_quality"]:
         return None
-    return {"loss": 100.0 - facts["jpeg_quality"], "full_colour": float(facts["jpeg_sampling"] == "4:4:4")}
+    said = {"loss": 100.0 - facts["jpeg_quality"], "full_colour": float(facts["jpeg_sampling"] == "4:4:4")}
+    own = own_of(facts)
+    return said | ({"own": own} if own else {})
 
 
 def compressed(pixels, quality, full_colour):
@@ -266,13 +272,13 @@ def _halved(plane):
     return out
 
 
-def expected(image, quality, full_colour, noise_dn, kernel=None):
+def expected(image, quality, full_colour, noise_dn, kernel=None, own=None):
     """Return the mean grey levels (H, W, 1 or 3) float32 that ``compressed`` gives of an image, not rounded, under noise.
 
-    ``noise_dn``, a number or (H, W, 1 or 3), is the standard deviation in each of three channels, brightness has less; kernel as
-    ``View.noise_kernel``.
+    own are a file's own tables and sampling, which is taken as in full or in half both ways. ``noise_dn``, a number or
+    (H, W, 1 or 3), is the standard deviation in each of three channels, brightness has less; kernel as ``View.noise_kernel``.
     """
-    of_y, of_colour = tables_between(quality)
+    of_y, of_colour = steps_of(own) if own else tables_between(quality)
     noise, gains = _noise_of_blocks(noise_dn, image.shape), gains_of(correlations(kernel, LAGS))
     if image.shape[2] == 1:
         return mean_decoded(Plane(image[..., 0] - MIDDLE, PLANE_NOISE[0] * noise, gains, ROUNDING_DN, of_y))
@@ -303,9 +309,13 @@ def apply(image, view, p, rng):
     if rng is None:
         noise_dn = view.noise_dn[frame] if np.ndim(view.noise_dn) else view.noise_dn
         levels = mean_of_clipped(image[frame], noise_dn)
-        out[frame] = expected(levels, 100 - p["loss"], full_colour, np.hypot(noise_dn, ROUNDING_DN), view.noise_kernel)
+        noise_dn, own = np.hypot(noise_dn, ROUNDING_DN), p.get("own")
+        out[frame] = expected(levels, 100 - p["loss"], full_colour, noise_dn, view.noise_kernel, own)
         return out
     pixels = np.clip(np.rint(image[frame]), 0, 255).astype(np.uint8)
+    if "own" in p:
+        out[frame] = compressed_as_own(pixels, p["own"])
+        return out
     out[frame] = sum(np.float32(share) * compressed(pixels, q, full_colour) for q, share in qualities(p["loss"]))
     return out
 

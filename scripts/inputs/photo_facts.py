@@ -30,13 +30,17 @@ TEXTS = {"make": Base.Make, "model": Base.Model}
 FORMATS = ("JPEG", "PNG", TiffImagePlugin.TiffImageFile.format)  # the last is unknown until it is imported
 JPEG = ("jpeg_quality", "jpeg_tables", "jpeg_sampling", "jpeg_brightness", "jpeg_colour")
 SAMPLINGS = {(1, 1): "4:4:4", (2, 1): "4:2:2", (2, 2): "4:2:0", (1, 2): "4:4:0", (4, 1): "4:1:1"}
+FULL_FRAME_MM = math.hypot(36, 24)  # the diagonal to which focal lengths of other sensors are scaled
+SENSORS_MM = (1.0, 100.0)  # diagonals that are believed
+MM_OF_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}  # of EXIF's resolution in the sensor's plane
 NOT_SAID = 0  # what EXIF writes into a number that is unknown
 
 
 def photo_facts(path):
     """Return a dict of what an image file says of itself, None where it says nothing or nothing that can be believed.
 
-    ``format``; ``make``, ``model``; NUMBERS (seconds, ISO 12232, f-number, mm, mm for 36 x 24, EXIF's 1 to 8);
+    ``format``; ``make``, ``model``; NUMBERS (seconds, ISO 12232, f-number, mm, mm for 36 x 24, or by the sensor's size where that
+    is all that is said, EXIF's 1 to 8);
     ``jpeg_quality`` (libjpeg's, 1 to 100, with these tables or the nearest to them), ``jpeg_tables`` (``libjpeg``: exactly
     those, ``own``: the camera's), ``jpeg_sampling``, ``jpeg_brightness`` and ``jpeg_colour`` (64 steps in words, row by row);
     ``notes``, what was left out and why.
@@ -71,6 +75,20 @@ def _read_exif(exif, facts, notes):
         facts[name] = _text(exif.get(tag), name, notes)
     for name, (tag, in_own, low, high) in NUMBERS.items():
         facts[name] = _number((own if in_own else exif).get(tag), name, low, high, notes)
+    if facts["focal_mm"] and not facts["focal_35mm"]:
+        diagonal_mm = _sensor_diagonal_mm(own)
+        facts["focal_35mm"] = diagonal_mm and facts["focal_mm"] * FULL_FRAME_MM / diagonal_mm
+
+
+def _sensor_diagonal_mm(own):
+    """Return the sensor's diagonal by the resolution in its plane that EXIF says, None where none can be believed."""
+    unit = MM_OF_UNIT.get(own.get(Base.FocalPlaneResolutionUnit, 2))
+    tags = ((Base.ExifImageWidth, Base.FocalPlaneXResolution), (Base.ExifImageHeight, Base.FocalPlaneYResolution))
+    sides = [(_number(own.get(n), "", 1, 1e6, []), _number(own.get(per), "", 1e-3, 1e9, [])) for n, per in tags]
+    if unit is None or not all(map(all, sides)):
+        return None
+    diagonal_mm = math.hypot(*(pixels / per * unit for pixels, per in sides))
+    return diagonal_mm if SENSORS_MM[0] <= diagonal_mm <= SENSORS_MM[1] else None
 
 
 def _text(value, name, notes):
@@ -145,7 +163,7 @@ def _libjpeg_tables():
 
 def focal_px(focal_35mm, size):
     """Return the focal length in pixels of an image (width, height) from EXIF's for 36 x 24 mm: diagonals are compared."""
-    return focal_35mm * math.hypot(*size) / math.hypot(36, 24)
+    return focal_35mm * math.hypot(*size) / FULL_FRAME_MM
 
 
 def said_in_words(rows, size):

@@ -66,28 +66,31 @@ def calibrate_all(views, size, K=None):
     return fits
 
 
-def ideal_pinhole(views, size):
-    """Fit the ideal twin of unknown intrinsics: fx = fy, principal point in the centre of the image, no distortion."""
+def ideal_pinhole(views, size, exif_px=None):
+    """Fit the ideal twin of unknown intrinsics: fx = fy, principal point in the centre of the image, no distortion.
+
+    exif_px is the focal length in pixels that EXIF says, from which a fit starts as well; None where it says nothing.
+    """
     width, height = size
     flags = NO_DISTORTION | cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_FIX_ASPECT_RATIO
     fits = []
-    for start in STARTS:
-        f = start * max(size)
+    for f in [*([exif_px] if exif_px else []), *(start * max(size) for start in STARTS)]:
         fits.append(calibrate(views, size, flags, camera_matrix(f, f, (width - 1) / 2, (height - 1) / 2)))
     return min(fits, key=lambda fit: fit["rms_px"])
 
 
-def guess(size):
-    """Return plain intrinsics with which a coverage of 0 can be reported: nothing is known, nothing can be fitted."""
-    return [float(max(size))] * 2 + [(size[0] - 1) / 2, (size[1] - 1) / 2]
+def guess(size, exif_px=None):
+    """Return plain intrinsics with which a coverage of 0 can be reported: nothing can be fitted, EXIF says what is known."""
+    return [float(exif_px or max(size))] * 2 + [(size[0] - 1) / 2, (size[1] - 1) / 2]
 
 
-def ideal_intrinsics(views, boards_of_folder, size, messages):
-    """Return (fx, fy, cx, cy) of the ideal twin where nothing is known, from the captures or else the calibration."""
+def ideal_intrinsics(views, boards_of_folder, size, messages, exif_px=None):
+    """Return (fx, fy, cx, cy) of the ideal twin where nothing is known, from the captures or else the calibration, or EXIF."""
     for source in (views, boards_of_folder):
         if len(source) >= LEAST_VIEWS:
-            fit = ideal_pinhole(source, size)
+            fit = ideal_pinhole(source, size, exif_px)
             messages.append(f"ideal pinhole fitted to {len(source)} images: residual {fit['rms_px']:.3f} px")
             return [fit["parameters"][k] for k in INTRINSICS]
-    messages.append(f"intrinsics unknown and fewer than {LEAST_VIEWS} images to fit them: a guess is used")
-    return guess(size)
+    used = "EXIF's focal length" if exif_px else "a guess"
+    messages.append(f"intrinsics unknown and fewer than {LEAST_VIEWS} images to fit them: {used} is used")
+    return guess(size, exif_px)
