@@ -76,7 +76,10 @@ def read_board(path):
 
 
 def calibration_views(campaign, camera, size, messages):
-    """Return {file name: BoardPoints} of calibration/<camera>/, empty where there is no such folder."""
+    """Return {file name: BoardPoints} of calibration/<camera>/, empty where there is no such folder, or no image in it.
+
+    Raises InputError where the images do not show the board that is described, as of a campaign's own board.
+    """
     folder = Path(campaign) / "calibration" / camera
     if not folder.is_dir():
         return {}
@@ -88,8 +91,23 @@ def calibration_views(campaign, camera, size, messages):
     paths = {n: inside(campaign, f"calibration/{camera}/{n}", f"{folder}: image {n}") for n in names}
     find = board_finder(board)
     found = {n: find(read_image(p, size)) for n, p in tqdm(paths.items(), desc="calibrating", mininterval=5)}
-    images = (read_image(p, size) for p in paths.values())
-    return usable_views(board_views(better_finder(found, size, messages), board, images, str(where), messages))
+    if not found:
+        messages.append(f"{where}: there is no image beside it")
+        return {}
+    least = calibration.LEAST_VIEWS
+    return usable_views(views_of_board(found, board, lambda n: read_image(paths[n]), size, str(where), least, messages))
+
+
+def views_of_board(found, board, open_image, size, where, least, messages):
+    """Return {name: BoardPoints} of a board's images, from {name: [BoardPoints by each finder]}, by the finder to trust.
+
+    open_image is a function of a name, where the file and key of the board's description, for messages.
+    Raises InputError where fewer than ``least`` show the board, or they show another one.
+    """
+    images = map(open_image, found)
+    seen = board_views(better_finder(found, size, messages), board, images, where, messages)
+    check_photographs(seen, board, open_image, where, least)
+    return seen
 
 
 def calibrations(views, size, campaign, camera):
@@ -134,10 +152,8 @@ def register_captures(expand, campaign, camera, out_csv, out_json, effects=(), l
         if facts["target"]:
             board = Board.model_validate(facts["target"])
             hashes, found = look_at_captures(campaign, captures, size, board_finder(board))
-            images = (read_image(Path(campaign) / c.image) for c in captures.itertuples())
-            where = f"{campaign}/campaign.yaml: target"
-            seen = board_views(better_finder(found, size, messages), board, images, where, messages)
-            check_photographs(seen, board, opener(campaign, captures), where, least)
+            where, open_image = f"{campaign}/campaign.yaml: target", opener(campaign, captures)
+            seen = views_of_board(found, board, open_image, size, where, least, messages)
             views, register = usable_views(seen), register_board
         else:
             markers = tables.read_table(expand / "markers.csv", tables.MARKERS)

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 
 from register import board_counts, boards, chessboard_counts
-from register.calibration import matrix_of
+from register.calibration import LEAST_VIEWS, matrix_of
 from register.registration import pose_from_plane
 from rig.board_markers import board_markers
 from rig.errors import InputError
@@ -81,7 +81,7 @@ def check_photographs(found, board, open_image, where, least=MIN_PHOTOGRAPHS):
 
 def what_it_takes(usable, least, advice=None):
     """Return how many photographs are needed, ``least``, and what to do where fewer are usable, more of them where not told."""
-    purpose = "a verdict" if least == MIN_PHOTOGRAPHS else "a comparison"
+    purpose = {MIN_PHOTOGRAPHS: "a verdict", LEAST_VIEWS: "a calibration"}.get(least, "a comparison")
     more = f"take {least - usable} more, sharp, with the whole board in view and from different sides"
     return f"{purpose} takes {least}: {advice or more}"
 
@@ -228,20 +228,14 @@ def _searchable(image):
 
 
 def what_is_shown(images, board):
-    """Return what grey images show in place of the board, and what to do; None where that is not known.
-
-    An explanation holds where the board is found by it in more than half of the images.
-    """
+    """Return what grey images show in place of the board, and what to do; None where that is not known."""
     if board.type == "chessboard":
-        why = _markers_in_squares(images, board)
+        why = _markers_in_squares(images, board) or _other_squares(images, board)
     else:
         other = board_counts.other_layout(board_counts.views_of(images, board.dictionary), board)
-        why = other and _other_board(other, board)
+        why = (other and _other_board(other, board)) or _mirrored(images, board)
     if why:
         return why
-    for words, other, seen_as in _explanations(board):
-        if 2 * sum(fits(boards.find_board(seen_as(image), other), other) for image in images) > len(images):
-            return words
     width = float(np.median([edge_width_px(image) for image in images]))
     if MAX_EDGE_PX < width < np.inf:
         return (
@@ -251,38 +245,35 @@ def what_is_shown(images, board):
     return None if board.type == "chessboard" else _other_markers(images, board)
 
 
-def _explanations(board):
-    """Yield (words, Board, function of an image): under which of them is the board found?"""
+def _most_fit(found, board):
+    """Return whether more than half of BoardPoints show a board."""
+    return 2 * sum(fits(points, board) for points in found) > len(found)
 
-    def sized(columns, rows, **more):
-        return board.model_copy(update={"columns": columns, "rows": rows, **more})
 
-    def write(other):
-        return f"write columns: {other.columns}, rows: {other.rows}"
+def _other_squares(images, board):
+    """Return that grey images show a chessboard of other counts than described, and what to write; None where not."""
+    for columns, rows in chessboard_counts.counts_shown(images, board):
+        other = board.model_copy(update={"columns": columns, "rows": rows})
+        if not _most_fit([boards.find_board(image, other) for image in images], other):
+            continue
+        write = f"write columns: {columns}, rows: {rows}"
+        if (columns + 1, rows + 1) == (board.columns, board.rows):
+            return f"a chessboard's columns and rows count its inner corners, not its squares: {write}"
+        shown = f"the photographs show a chessboard of {columns} columns and {rows} rows of inner corners"
+        return f"{shown}, not {board.columns} and {board.rows}: {write}"
+    return None
 
-    if board.type == "chessboard":
-        if min(board.columns, board.rows) > 3:
-            corners = sized(board.columns - 1, board.rows - 1)
-            yield (
-                f"a chessboard's columns and rows count its inner corners, not its squares: {write(corners)}",
-                corners,
-                _same,
-            )
-    else:
-        mirrored = "the board is mirrored: printed from a flipped file, shown by a mirror or flipped by a program"
-        yield f"{mirrored}; print it again, or photograph it without any of that", board, _flipped
+
+def _mirrored(images, board):
+    """Return that grey images show a board with markers mirrored, and what to do; None where not."""
+    if not _most_fit([boards.find_board(np.ascontiguousarray(image[:, ::-1]), board) for image in images], board):
+        return None
+    mirrored = "the board is mirrored: printed from a flipped file, shown by a mirror or flipped by a program"
+    return f"{mirrored}; print it again, or photograph it without any of that"
 
 
 def _yaml(board):
     return str(board.legacy_pattern).lower()
-
-
-def _same(image):
-    return image
-
-
-def _flipped(image):
-    return np.ascontiguousarray(image[:, ::-1])
 
 
 def edge_width_px(grey):

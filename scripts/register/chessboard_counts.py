@@ -1,4 +1,4 @@
-"""Whether a found chessboard's squares go on beyond those that are described."""
+"""Whether a found chessboard's squares go on beyond those that are described, and how many there are where none is found."""
 
 import cv2
 import numpy as np
@@ -6,6 +6,7 @@ import numpy as np
 NEXT = (-1.2, -1.35, -1.5, -1.65, -1.8)  # in the squares after the outermost, from the first inner corners, in squares
 LEAST_CONTRAST, LEAST_SHARE = 0.4, 0.5  # of the board's own, between any of those squares; of the photographs
 CORNERS_IN_REACH = 3  # that a line is continued by
+LEAST_COUNTS = (3, 3)  # of inner corners, from which OpenCV's finder grows a pattern
 
 
 def _centres(grid):
@@ -68,3 +69,15 @@ def more_squares(views, board):
         shows = [goes_on(grey, turn(grid)) or goes_on(grey, turn(grid)[::-1]) for grey, grid in seen]
         found.append(int(sum(shows) >= LEAST_SHARE * len(seen)))
     return tuple(found)
+
+
+def counts_shown(images, board):
+    """Return [(columns, rows)] of inner corners that a chessboard in grey images may have, the most first.
+
+    In the described order of the longer side and the shorter; last those of a board whose squares were described. None is
+    sure: what lies about a board may look like squares.
+    """
+    grown = [cv2.findChessboardCornersSBWithMeta(grey, LEAST_COUNTS, cv2.CALIB_CB_LARGER) for grey in images]
+    sides = {tuple(sorted(meta.shape, reverse=board.columns >= board.rows)) for found, _, meta in grown if found}
+    shown = sorted(sides, key=lambda counts: (-counts[0] * counts[1], counts))
+    return shown + [(board.columns - 1, board.rows - 1)] * (min(board.columns, board.rows) > min(LEAST_COUNTS))

@@ -18,6 +18,7 @@ from register_captures import calibrations, register_captures
 from rig.errors import InputError
 from rig.geometry import camera_matrix, make_pose, project, station_pose
 from rig.plates import code_cells
+from seen_boards import embedded
 from shared_files import shared
 from tiny_campaign import HEIGHT, WIDTH, lay_down
 
@@ -208,25 +209,47 @@ def test_wrong_legacy_flag_of_a_campaign(tmp_path):
         register(tmp_path / "c", "charuco_lifecam_480", tmp_path)
 
 
-def test_calibration_folder(tmp_path):
-    """Calibration images beside the captures would be ignored, or another board's size would pass."""
-    source = shared("real/chess_opencv_left")
+def calibrated(folder, images, board):
+    """Lay down a campaign whose left camera has some images of a board beside its captures."""
 
     def describe(data):
         data["cameras"]["left"] |= {"width": 640, "height": 480}
 
-    folder = lay_down(tmp_path / "c", describe)
+    lay_down(folder, describe)
     for k, name in enumerate("ab"):
         noise = np.random.default_rng(k).integers(0, 255, (480, 640), dtype=np.uint8)
         cv2.imwrite(str(folder / f"images/left/{name}.png"), noise)
     (folder / "calibration/left").mkdir(parents=True)
-    for k in range(1, 6):
-        shutil.copy(source / f"left0{k}.jpg", folder / "calibration/left")
-    board = {"type": "chessboard", "columns": 9, "rows": 6, "square_m": 0.025}
+    for image in images:
+        shutil.copy(image, folder / "calibration/left")
     (folder / "calibration/left/board.yaml").write_text(yaml.safe_dump(board))
+    return folder
+
+
+def test_calibration_folder(tmp_path):
+    """Calibration images beside the captures would be ignored, or another board's size would pass."""
+    images = [shared("real/chess_opencv_left") / f"left0{k}.jpg" for k in range(1, 6)]
+    board = {"type": "chessboard", "columns": 9, "rows": 6, "square_m": 0.025}
+    folder = calibrated(tmp_path / "c", images, board)
     _, record = register(folder, "left", tmp_path)
     assert record["calibrations"]["5"]["rms_px"] < 0.3
     assert record["fx"] == 50  # the nominal camera stays the ideal twin
     cv2.imwrite(str(folder / "calibration/left/small.png"), np.zeros((48, 64), np.uint8))
     (tmp_path / "r.csv").unlink(), (tmp_path / "r.json").unlink()
     fails(folder, tmp_path, "small.png", "64 x 48 pixels")
+
+
+@pytest.mark.parametrize(
+    ("count", "change", "words"),
+    [
+        (5, {"columns": 5, "rows": 4}, "the board with columns and rows swapped: write columns: 4, rows: 5"),
+        (5, {"dictionary": "DICT_5X5_1000"}, "markers of DICT_6X6_50, not of DICT_5X5_1000"),
+        (5, {"rows": 4}, "go on below the last of the described 4 rows: write rows: 5"),
+        (2, {}, "2 photographs, and a calibration takes 3: take 1 more"),
+    ],
+)
+def test_a_calibrations_board_is_looked_at_like_a_campaigns(tmp_path, count, change, words):
+    """Fails if a board.yaml of another board costs the calibration without a word, or calibrates with the wrong points."""
+    board = yaml.safe_load((embedded() / "campaign.yaml").read_text())["target"] | change
+    images = sorted((embedded() / "images").iterdir())[:count]
+    fails(calibrated(tmp_path / "c", images, board), tmp_path, "calibration/left/board.yaml: ", words)
