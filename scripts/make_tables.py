@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from tabulate import tabulate
 
 import job
 from reporting.metrics import kappa_with_interval, mean_with_interval, wilson_interval
@@ -187,8 +188,7 @@ def readable(table, first, counts):
 
 def markdown(headings, rows, caption, notes):
     """Return a Markdown table with its caption above and notes below."""
-    lines = ["| " + " | ".join(cells) + " |" for cells in (headings, ["---"] * len(headings), *rows)]
-    return "\n".join([caption, "", *lines, "", *notes, ""])
+    return "\n".join([caption, "", tabulate(rows, headings, tablefmt="github", disable_numparse=True), "", *notes, ""])
 
 
 def latex(headings, rows, caption, notes):

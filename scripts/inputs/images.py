@@ -44,6 +44,8 @@ def read_header(path):
         raise InputError(f"{path}: no such image")
     with open(path, "rb") as file:
         head = file.read(32)
+        # Not by Pillow's Image.open: it calls a PNG of 3 x 16 bits "RGB", refuses a JPEG of 12 bits or a TIFF of floats as no
+        # image, without their size, and unpacks a PNG's texts first. Its reader of TIFF's tags does serve.
         try:
             if head[:8] == PNG_START:
                 width, height, bits, colour = struct.unpack(">IIBB", head[16:26])

@@ -22,10 +22,11 @@ import numpy as np
 import pandas as pd
 import seaborn as sns
 from scipy.optimize import linear_sum_assignment
-from scipy.stats import binomtest, kstest, quantile_test
+from scipy.stats import kstest, quantile_test
 
 import job
 from generator import LIBRARY, OUTSIDE
+from reporting.metrics import wilson_interval
 
 Z95 = 1.959964
 ENOUGH_GAP = 1.05
@@ -166,8 +167,7 @@ def counted_as(trials):
 
 def share_row(what, aim, hits, number):
     """Return a row of the summary: a share in per cent with Wilson's 95 % interval."""
-    interval = binomtest(hits, number).proportion_ci(0.95, method="wilson")
-    percent = [round(100 * share, 1) for share in (hits / number, interval.low, interval.high)]
+    percent = [round(100 * share, 1) for share in (hits / number, *wilson_interval(hits, number))]
     columns = ("what", "aim", "value", "low", "high", "unit", "hits", "number")
     return dict(zip(columns, (what, aim, *percent, "%", hits, number), strict=True))
 
