@@ -11,7 +11,7 @@ import pandas as pd
 from reporting.sentences import changes_words, needs_words, or_others, residue_words
 from rig.words import LADDER, gap_along, with_error
 
-MOST_CANDIDATES = 12
+MAX_CANDIDATES = 12
 EXAMPLES = {"real": "real", "configured": "twin as configured", "explained": "twin with what was found"}
 BRIGHTEST_DIFFERENCE_DN = 40
 
@@ -180,7 +180,7 @@ def vectors_figure(plates, camera):
 
 def candidates_figure(diagnosis):
     """Return a figure: the held-out gap that each candidate alone would leave."""
-    rows = sorted(diagnosis["candidates"], key=lambda c: c["rank"])[:MOST_CANDIDATES]
+    rows = sorted(diagnosis["candidates"], key=lambda c: c["rank"])[:MAX_CANDIDATES]
     fig, axis = plt.subplots(figsize=(figures.WIDTH_IN, 3.2))
     names = [c["effect"] for c in rows][::-1]
     gaps = [c["gap_after"] or np.nan for c in rows][::-1]

@@ -20,7 +20,7 @@ EXAMPLES = ("real", "configured", "explained")
 PATCH_PX = 52  # side of a patch: a plate at a middle distance
 FULL_SCALE_DN = 60  # difference that is drawn as full red or blue
 EDGE_DN = 40  # what varies less in a patch's middle is not looked at: plates show more than ground
-MOST_NAMED = 3  # effects that a line holds
+MAX_NAMED = 3  # effects that a line holds
 COLOURS = 192  # of the README's PNG: a third of the bytes, and no difference to see
 
 
@@ -50,7 +50,7 @@ def patch_of(images):
 def headline(diagnosis):
     """Return the line above a camera's patches: what was found, or the verdict."""
     names = [s["effect"].replace("_", " ") for s in diagnosis["steps"]]
-    found = ", ".join(names) if len(names) <= MOST_NAMED else f"{len(names)} effects"
+    found = ", ".join(names) if len(names) <= MAX_NAMED else f"{len(names)} effects"
     return f"{diagnosis['camera']}: {'+ ' + found if names else diagnosis['verdict']}"
 
 

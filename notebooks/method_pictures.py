@@ -23,7 +23,7 @@ from gap.standing import MAX_CLOSED_GAP, MAX_FLOOR_GAP
 from gap.where import BINS
 
 ERRORS = 3  # standard errors from its null at which a parameter is significant, as in gap.search.is_significant
-LEAST_SHOWN = 0.05  # a parameter may end at its null, which no logarithm shows
+MIN_SHOWN = 0.05  # a parameter may end at its null, which no logarithm shows
 SIZE_IN, DPI = (8, 3.3), 90
 TWINS = {"configured": ("as configured", figures.ORANGE), "explained": ("with what was found", figures.BLUE)}
 WHERE = "ground", "image_radius"  # the observable and the covariate that are shown
@@ -97,7 +97,7 @@ def draw_evidence(results, camera):
     figure, axis = plt.subplots(figsize=SIZE_IN)
     table["effect"] = table.effect.str.replace("_", " ")
     numbers = ["size", "evidence"]
-    table[numbers] = table[numbers].clip(lower=LEAST_SHOWN)
+    table[numbers] = table[numbers].clip(lower=MIN_SHOWN)
     sns.scatterplot(table, x="size", y="evidence", hue="effect", style="camera", palette="colorblind", ax=axis, s=45)
     best = table.evidence == table.groupby("effect").evidence.transform("max")
     heights = np.where(np.cumsum(best) % 2, 3, -8)

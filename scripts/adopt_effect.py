@@ -34,8 +34,8 @@ from rig.errors import InputError
 log = logging.getLogger("twingap")
 
 DEFAULT_CONFIG = "config/config.default.yaml"
-MOST_ROUNDS = 8
-LEAST_DIGITS = 4
+MAX_ROUNDS = 8
+MIN_DIGITS = 4
 HEADER = """\
 # The twin of {camera} in the campaign {campaign}: effects on top of the ideal twin (nominal rig, pinhole, noise).
 # Edit freely: a parameter is a number or `fit`; what is left out does nothing. All effects: docs/effects.md.
@@ -126,7 +126,7 @@ def rounded(value, se, parameter):
         return 0.0
     digits = 6
     if se and math.isfinite(se):
-        digits = max(LEAST_DIGITS, math.ceil(math.log10(abs(value) / se)) + 2) if abs(value) > se else LEAST_DIGITS
+        digits = max(MIN_DIGITS, math.ceil(math.log10(abs(value) / se)) + 2) if abs(value) > se else MIN_DIGITS
     return min(max(float(f"{value:.{digits}g}"), parameter.lower), parameter.upper)
 
 
@@ -338,7 +338,7 @@ def adopt_all(path, campaign, camera, folder, cores):
         raise InputError(
             f"--auto needs the campaign's folder to diagnose again: give --campaign FOLDER, not {campaign}"
         )
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         diagnosis = read_diagnosis(campaign, camera)
         adopted = dict(load_twin(path).effects)
         missing = [step["effect"] for step in diagnosis["steps"] if step["effect"] not in adopted]
@@ -352,7 +352,7 @@ def adopt_all(path, campaign, camera, folder, cores):
         if done.returncode:
             raise InputError(f"the diagnosis failed:\n{(done.stdout + done.stderr)[-3000:]}")
         say_what_was_adopted(path, entries)
-    print(f"Stopped after {MOST_ROUNDS} rounds; the verdict is {read_diagnosis(campaign, camera)['verdict']}.")
+    print(f"Stopped after {MAX_ROUNDS} rounds; the verdict is {read_diagnosis(campaign, camera)['verdict']}.")
 
 
 def adopt_effect(camera, effect, campaign, take_out, auto, cores):

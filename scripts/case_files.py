@@ -22,7 +22,7 @@ from inputs.campaign import Board
 from inputs.images import read_image
 from inputs.scene import load_scene
 from register.board_checks import MIN_PHOTOGRAPHS, what_it_takes
-from register.boards import LEAST_POINTS
+from register.boards import MIN_POINTS
 from register.calibration import NAMES, matrix_of
 from register.registration import NO_PRIOR, pose_from_plane, prior_of
 from rig.errors import InputError
@@ -107,7 +107,7 @@ def load_measured(expand, register_json, camera, observations, least=MIN_PHOTOGR
         points, pixels = stored["points"], stored["pixels"]
     sigma_pose = prior_of(facts["tolerance"])
     seen = np.isfinite(pixels).all(2)
-    usable = seen.sum(1) >= LEAST_POINTS
+    usable = seen.sum(1) >= MIN_POINTS
     if (number := int(usable.sum())) < least:
         raise ValueError(f"{number} of {len(usable)} photographs show the board, and {what_it_takes(number, least)}")
     if not np.isfinite([view.T_cam_world for view in views]).all():

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import job
 from rig.errors import InputError
-from verify_data import MOST_NAMES, md5_of, tracked_md5
+from verify_data import MAX_NAMES, md5_of, tracked_md5
 
 log = logging.getLogger("twingap")
 LOGGERS = ("dvc", "dvc_data", "dvc_objects")
@@ -89,8 +89,8 @@ def drop_damaged(cache, listing):
 
 def named(names):
     """Return the first names of a list, and how many more there are."""
-    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-    return ", ".join(sorted(names)[:MOST_NAMES]) + more
+    more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+    return ", ".join(sorted(names)[:MAX_NAMES]) + more
 
 
 def what_lacks(listing, cache, damaged, said):

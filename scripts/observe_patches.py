@@ -20,7 +20,7 @@ from photograph_changes import PhotographSet
 from rig.light import LIGHT, free_numbers
 
 log = logging.getLogger("twingap")
-MOST_PX = 400_000  # of the windows about a photograph's patches, unless MIN_PATCHES have more
+MAX_PX = 400_000  # of the windows about a photograph's patches, unless MIN_PATCHES have more
 
 
 def observe_patches(expand, register_json, campaign, camera, observations, out):
@@ -52,7 +52,7 @@ def some_patches(photograph):
     some = photograph.fewer(PATCHES)
     if len(some.plates) <= MIN_PATCHES:
         return some
-    return photograph.fewer(max(MIN_PATCHES, min(PATCHES, int(PATCHES * MOST_PX / np.prod(some.atlas.shape)))))
+    return photograph.fewer(max(MIN_PATCHES, min(PATCHES, int(PATCHES * MAX_PX / np.prod(some.atlas.shape)))))
 
 
 if __name__ == "__main__":

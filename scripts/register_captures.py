@@ -28,7 +28,7 @@ from rig.geometry import camera_matrix, make_pose, split_pose
 
 log = logging.getLogger("twingap")
 IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".heic", ".heif")
-MOST_MESSAGES = 5
+MAX_MESSAGES = 5
 OF_BASELINE = "before_"  # begins the names of the rules that make a baseline's results (rules/baseline.smk)
 
 
@@ -53,8 +53,8 @@ def look_at_captures(campaign, captures, size, look):
         if not problems:
             seen[c.capture] = look(image)
     if problems:
-        more = f" (and {len(problems) - MOST_MESSAGES} more)" if len(problems) > MOST_MESSAGES else ""
-        raise InputError("; ".join(problems[:MOST_MESSAGES]) + more)
+        more = f" (and {len(problems) - MAX_MESSAGES} more)" if len(problems) > MAX_MESSAGES else ""
+        raise InputError("; ".join(problems[:MAX_MESSAGES]) + more)
     return hashes, seen
 
 
@@ -94,7 +94,7 @@ def calibration_views(campaign, camera, size, messages):
     if not found:
         messages.append(f"{where}: there is no image beside it")
         return {}
-    least = calibration.LEAST_VIEWS
+    least = calibration.MIN_VIEWS
     return usable_views(views_of_board(found, board, lambda n: read_image(paths[n]), size, str(where), least, messages))
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from job import UNFINISHED
 from rig.errors import InputError
 
-MOST_NAMES = 5
+MAX_NAMES = 5
 
 
 def check_writable(folder):
@@ -38,8 +38,8 @@ def check_unchanged(stamps):
     """Raise InputError naming the files of {path: stamp} that were written to, or are gone, since."""
     changed = [path for path, before in stamps.items() if stamp(path) != before]
     if changed:
-        more = f" and {len(changed) - MOST_NAMES} more" if len(changed) > MOST_NAMES else ""
+        more = f" and {len(changed) - MAX_NAMES} more" if len(changed) > MAX_NAMES else ""
         raise InputError(
-            f"{', '.join(changed[:MOST_NAMES])}{more}: written while the run was under way, so that results may mix old and "
+            f"{', '.join(changed[:MAX_NAMES])}{more}: written while the run was under way, so that results may mix old and "
             "new; run again with --forcerun register_captures"
         )

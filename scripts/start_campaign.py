@@ -33,8 +33,8 @@ from start.photographs import by_camera, look_through
 log = logging.getLogger("twingap")
 
 RIGS = Path(__file__).resolve().parents[1] / "config/rigs"
-LEAST_VIEWS = 3  # of a board, by one camera: fewer tell no intrinsics
-MOST_NAMED = 20
+MIN_VIEWS = 3  # of a board, by one camera: fewer tell no intrinsics
+MAX_NAMED = 20
 HEADER = """\
 # {about}
 # Written by start_campaign.py: lines with a comment were guessed; check them. The format: docs/campaign-format.md
@@ -90,7 +90,7 @@ def start_campaign(folder, square_mm, marker_mm=None):
     left_out += [(p.path, f"{what} was not found in it") for p in photographs if p.path not in shown]
     cameras = {}
     for name, group in by_camera([p for p in photographs if p.path in shown]).items():
-        least = LEAST_VIEWS if pattern.board else 1
+        least = MIN_VIEWS if pattern.board else 1
         if len(group) >= least:
             cameras[name] = group
             continue
@@ -202,14 +202,14 @@ def tell(folder, pattern, cameras, left_out):
         log.info("found: %s", pattern.guesses["markers"])
     for camera, group in cameras.items():
         log.info("camera %s: %d photographs of %d x %d", camera, len(group), *group[0].size)
-    for path, why in left_out[:MOST_NAMED]:
+    for path, why in left_out[:MAX_NAMED]:
         log.info("left out: %s: %s", path, why)
-    if len(left_out) > MOST_NAMED:
-        log.info("left out: %d more", len(left_out) - MOST_NAMED)
-    for marker, why in pattern.left_out[:MOST_NAMED]:
+    if len(left_out) > MAX_NAMED:
+        log.info("left out: %d more", len(left_out) - MAX_NAMED)
+    for marker, why in pattern.left_out[:MAX_NAMED]:
         log.info("left out: %s: %s", named(marker), why)
-    if len(pattern.left_out) > MOST_NAMED:
-        log.info("left out: %d more markers", len(pattern.left_out) - MOST_NAMED)
+    if len(pattern.left_out) > MAX_NAMED:
+        log.info("left out: %d more markers", len(pattern.left_out) - MAX_NAMED)
     for key, why in pattern.guesses.items():
         if "GUESSED" in why:
             file = "markers.csv" if key in IN_TABLE and pattern.board is None else "campaign.yaml"

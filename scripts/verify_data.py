@@ -14,7 +14,7 @@ from inputs.safe_yaml import load_yaml
 from rig.errors import InputError
 
 log = logging.getLogger("twingap")
-MOST_NAMES = 10
+MAX_NAMES = 10
 
 
 def md5_of(path):
@@ -71,8 +71,8 @@ def differences(tracked, found):
         ("extra", [n for n in found if n not in tracked]),
     ):
         if names:
-            more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-            parts.append(f"{word}: {', '.join(sorted(names)[:MOST_NAMES])}{more}")
+            more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+            parts.append(f"{word}: {', '.join(sorted(names)[:MAX_NAMES])}{more}")
     return "; ".join(parts)
 
 

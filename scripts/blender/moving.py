@@ -15,7 +15,7 @@ from rig.geometry import invert_pose
 MOTION_STEPS = 3  # in Blender's words: 2^3 + 1 poses in the shutter's time, straight lines between
 POSES = 2**MOTION_STEPS + 1
 FRAME = 10  # of Blender's time line; each of ours is rendered there
-LEAST_SAMPLES = 8  # of each pixel; what differs among them is sampled on
+MIN_SAMPLES = 8  # of each pixel; what differs among them is sampled on
 ADAPTIVE_THRESHOLD = 0.004
 STRIPES = 8
 DARK, BRIGHT = 0.08, 0.25  # radiance of the occluder's stripes
@@ -82,7 +82,7 @@ class MovingRenderer(Renderer):
         cycles.rolling_shutter_type = "TOP" if self.readout_s > 0 else "NONE"
         cycles.rolling_shutter_duration = self.exposure_s / (self.exposure_s + self.readout_s)
         cycles.samples, cycles.filter_width, cycles.use_adaptive_sampling = samples, BOX_FILTER_PX, True
-        cycles.adaptive_threshold, cycles.adaptive_min_samples = ADAPTIVE_THRESHOLD, min(LEAST_SAMPLES, samples)
+        cycles.adaptive_threshold, cycles.adaptive_min_samples = ADAPTIVE_THRESHOLD, min(MIN_SAMPLES, samples)
         for thing in (self.camera, self.occluder):
             if thing is not None:
                 thing.cycles.use_motion_blur = True

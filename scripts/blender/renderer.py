@@ -33,7 +33,7 @@ SENSOR_MM = 36.0
 POINT_FILTER_PX = 0.01  # the narrowest filter that Cycles has: the pixel's centre
 BOX_FILTER_PX = 1.0
 PACKED_COLUMNS = 512
-LEAST_ROWS = 4  # Blender renders no smaller picture
+MIN_ROWS = 4  # Blender renders no smaller picture
 ADAPTIVE_THRESHOLD = 1e-3
 PLAIN = r"[A-Za-z0-9_./ -]*"  # paths that need no quoting anywhere
 BLACK, WHITE = 0, 1
@@ -138,7 +138,7 @@ class Renderer:
 
     def _render_packed(self, pixels):
         """Return the mean radiance (n,) over the squares of pixels (n, 2), rows and columns of the array."""
-        rows = max(LEAST_ROWS, -(-len(pixels) // PACKED_COLUMNS))
+        rows = max(MIN_ROWS, -(-len(pixels) // PACKED_COLUMNS))
         table = self._write_rays(pixels, rows)
         self._use_packed_camera(table, rows)
         cycles = bpy.context.scene.cycles

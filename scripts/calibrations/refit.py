@@ -12,7 +12,7 @@ from rig.errors import InputError
 ACROSS, DOWN = 33, 25  # points of the frame that a fit is held to
 EXACT_PX = 1e-3  # from here on a model with fewer coefficients is preferred
 LARGEST_ERROR_PX = 0.5
-LEAST_SEEN = 0.5  # of the frame
+MIN_SEEN = 0.5  # of the frame
 
 
 def frame_points(width, height):
@@ -97,7 +97,7 @@ def rays_of_frame(calibration):
             J = np.stack([(project(calibration, rays + np.eye(2)[k] * step) - landed) / step for k in (0, 1)], axis=2)
             rays = rays + np.clip(np.linalg.solve(J, error[..., None])[..., 0], -0.3, 0.3)
     good = np.linalg.norm(project(calibration, rays) - pixels, axis=1) < 1e-6
-    if good.mean() < LEAST_SEEN:
+    if good.mean() < MIN_SEEN:
         raise InputError(
             f"a calibration whose lens takes rays to {good.mean():.0%} of its frame only: is it one of this camera?"
         )

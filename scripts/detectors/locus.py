@@ -23,7 +23,7 @@ FAMILIES = {
     "DICT_APRILTAG_16h5": "AprilTag16h5",
     "DICT_APRILTAG_36h11": "AprilTag36h11",
 }
-LEAST_PX = 16  # of an image's shorter side
+MIN_PX = 16  # of an image's shorter side
 
 
 class LocusDetector:
@@ -40,7 +40,7 @@ class LocusDetector:
     def detect(self, image):
         """Return the Detections of an image (grey or colour, see contract.grey_image)."""
         grey = grey_image(image)
-        if min(grey.shape) < LEAST_PX:
+        if min(grey.shape) < MIN_PX:
             return []
         found = []
         for name, detector in self.detectors.items():

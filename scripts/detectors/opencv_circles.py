@@ -16,7 +16,7 @@ PARAMETERS = {
     # Smallest disc, square pixels: less finds farther grids and more clutter.
     "least_area_px": 20.0,
 }
-LEAST_PX, MOST_PAPERS = 24, 8  # side of an image or paper; bright regions that are looked at
+MIN_PX, MAX_PAPERS = 24, 8  # side of an image or paper; bright regions that are looked at
 
 
 class CircleGridDetector:
@@ -32,7 +32,7 @@ class CircleGridDetector:
     def detect(self, image):
         """Return the Detections of an image (grey or colour, see contract.grey_image)."""
         grey = grey_image(image)
-        if min(grey.shape) < LEAST_PX:
+        if min(grey.shape) < MIN_PX:
             return []
         papers = _papers(grey)
         return [found for family in self.families if (found := self._find(grey, papers, family)) is not None]
@@ -66,8 +66,8 @@ def _papers(grey):
     _, bright = cv2.threshold(grey, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     _, _, stats, _ = cv2.connectedComponentsWithStats(bright)
     boxes = [tuple(map(int, s[:4])) for s in sorted(stats[1:].tolist(), key=lambda s: -s[cv2.CC_STAT_AREA])]
-    large = [box for box in boxes if min(box[2:]) >= LEAST_PX]
-    return [(0, 0, grey.shape[1], grey.shape[0]), *large[:MOST_PAPERS]]
+    large = [box for box in boxes if min(box[2:]) >= MIN_PX]
+    return [(0, 0, grey.shape[1], grey.shape[0]), *large[:MAX_PAPERS]]
 
 
 def reads(family):

@@ -13,7 +13,7 @@ PARAMETERS = {
 }
 
 NEEDS = {"rapidtag": "rapidtag"}
-LEAST_PX, LEAST_LONG_PX = 8, 24  # of an image's shorter and longer side
+MIN_PX, MIN_LONG_PX = 8, 24  # of an image's shorter and longer side
 
 
 class RapidTagDetector:
@@ -25,7 +25,7 @@ class RapidTagDetector:
     def detect(self, image):
         """Return the Detections of an image (grey or colour, see contract.grey_image)."""
         grey = grey_image(image)
-        if min(grey.shape) < LEAST_PX or max(grey.shape) < LEAST_LONG_PX:
+        if min(grey.shape) < MIN_PX or max(grey.shape) < MIN_LONG_PX:
             return []
         found = []
         for name in self.families:

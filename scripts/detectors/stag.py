@@ -14,7 +14,7 @@ PARAMETERS = {
 
 NEEDS = {"stag": "stag-python"}
 FAMILY = re.compile(r"STAG_HD(11|13|15|17|19|21|23)")
-LEAST_PX = 32  # of an image's shorter side: the library's smoothing needs some
+MIN_PX = 32  # of an image's shorter side: the library's smoothing needs some
 
 
 class StagDetector:
@@ -27,7 +27,7 @@ class StagDetector:
     def detect(self, image):
         """Return the Detections of an image (grey or colour, see contract.grey_image)."""
         grey = grey_image(image)
-        if min(grey.shape) < LEAST_PX:
+        if min(grey.shape) < MIN_PX:
             return []
         found = []
         for name, distance in self.distances.items():

@@ -58,7 +58,7 @@ ROUNDS_UP = np.float32(0.5 + 1e-3)  # a half is one although its sum is not exac
 # Of steps that are read off an image: frequencies, what rounding to whole levels adds, what counts as 0, outliers' share
 LOW_FREQUENCIES = np.array([(u, v) for u in range(BLOCK) for v in range(BLOCK) if 0 < u + v < 5])
 LEVEL_ERROR_DN, NEAR_0_DN, ANYWHERE, LIVELY = 0.35, 1.5, 0.2, 3
-CLEAR_STEPS, ENOUGH_COEFFICIENTS, WITHIN_SQUARES = 0.2, 200, 0.6
+CLEAR_STEPS, MIN_COEFFICIENTS, WITHIN_SQUARES = 0.2, 200, 0.6
 QUALITIES_SEEN = range(5, 97)
 
 
@@ -367,7 +367,7 @@ def _steps_seen(coefficients, steps):
     off = coefficients - steps * np.rint(coefficients / steps)
     near = np.exp(-0.5 * (off / LEVEL_ERROR_DN) ** 2) / (LEVEL_ERROR_DN * math.sqrt(2 * math.pi))
     ratios = np.log((1 - ANYWHERE) * near * steps + ANYWHERE)[np.abs(coefficients) > NEAR_0_DN]
-    return float(ratios.mean()) if len(ratios) >= ENOUGH_COEFFICIENTS else 0.0
+    return float(ratios.mean()) if len(ratios) >= MIN_COEFFICIENTS else 0.0
 
 
 def _is_in_full(planes, table, clipped):

@@ -7,7 +7,7 @@ from kernels import njit
 
 STEPS = 3  # of Newton's method: the next changes less than a hundredth of the noise
 FLAT = np.float32(1)  # times the noise: what differs by less in a square has its mean as the mean of its median
-LEAST_NOISE_DN = np.float32(0.02)
+MIN_NOISE_DN = np.float32(0.02)
 # of the normal distribution's error function, to 5e-4: Abramowitz and Stegun (1964), 7.1.27, its argument over the root of 2
 A1, A2, A3, A4 = (np.float32(a / 2 ** (k / 2)) for k, a in enumerate((0.278393, 0.230389, 0.000972, 0.078108), 1))
 D2, D3, D4 = np.float32(2) * A2, np.float32(3) * A3, np.float32(4) * A4
@@ -25,7 +25,7 @@ def mean_of_median(plane, side, noise_dn):
     """
     sharp = cv2.medianBlur(plane, side)
     noise = np.broadcast_to(np.float32(noise_dn), plane.shape)
-    if noise.max() < LEAST_NOISE_DN:
+    if noise.max() < MIN_NOISE_DN:
         return sharp
     square = np.ones((side, side), np.uint8)
     low, high = (of(plane, square, borderType=cv2.BORDER_REPLICATE) for of in (cv2.erode, cv2.dilate))
@@ -45,7 +45,7 @@ def _median_of_mixture(padded, noise, sharp, low, high, mean, side):
     for r in range(out.shape[0]):
         count = 0
         for c in range(columns):
-            if noise[r, c] < LEAST_NOISE_DN:
+            if noise[r, c] < MIN_NOISE_DN:
                 continue
             if high[r, c] - low[r, c] < FLAT * noise[r, c]:
                 out[r, c] = mean[r, c]

@@ -10,7 +10,7 @@ from kernels import njit
 BLOCK = 8
 NO_NOISE = 1e-6
 NOISY = np.float32(0.3)  # steps, of noise, from which a rounding's error is a sine
-ONE, HALF, FARTHEST = np.float32(1), np.float32(0.5), np.float32(6)
+ONE, HALF, MAX_STEPS_OFF = np.float32(1), np.float32(0.5), np.float32(6)
 
 
 def _cosines():
@@ -100,7 +100,7 @@ def _beyond(d):
 
     Source: Abramowitz and Stegun, "Handbook of Mathematical Functions" (1964), 26.2.17.
     """
-    far = min(d, FARTHEST)
+    far = min(d, MAX_STEPS_OFF)
     e = steep_exponential(far * far * np.float32(1 / (2 * FLATTER)))
     t = ONE / (ONE + P0 * far)
     return e * t * (P1 + t * (P2 + t * (P3 + t * (P4 + t * P5))))

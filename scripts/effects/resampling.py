@@ -11,7 +11,7 @@ import numpy as np
 
 from kernels import njit
 
-LEAST_CONTRAST = 0.004  # of full scale, over 3 x 3 pixels; below it a pixel is taken as smooth
+MIN_CONTRAST = 0.004  # of full scale, over 3 x 3 pixels; below it a pixel is taken as smooth
 POINTS = 89  # Fibonacci lattice in a footprint: no two share a row or a column
 LATTICE = np.stack([np.arange(POINTS), (55 * np.arange(POINTS)) % POINTS], axis=1)
 LATTICE = ((LATTICE + 0.5) / POINTS - 0.5).astype(np.float32)
@@ -81,7 +81,7 @@ def find_edges(image):
                 for l in range(max(j - 1, 0), min(j + 2, columns)):
                     low, high = min(low, image[k, l]), max(high, image[k, l])
             spare = np.float32(1e-3) * (high - low)
-            if high - low > LEAST_CONTRAST and low + spare < image[i, j] < high - spare:
+            if high - low > MIN_CONTRAST and low + spare < image[i, j] < high - spare:
                 index[i, j] = n
                 n += 1
     lines = np.empty((n, 5), np.float32)
@@ -132,7 +132,7 @@ def _edge_near(index, image, u, v, reach_x, reach_y):
             if index[i, j] >= 0:
                 return True
             low, high = min(low, image[i, j]), max(high, image[i, j])
-    return high - low > LEAST_CONTRAST
+    return high - low > MIN_CONTRAST
 
 
 @njit(cache=True)

@@ -21,7 +21,7 @@ CLEAR_PX = (
     1.0,
 )  # from the nearest edge of a cell: less is blurred; the second where cells are too small for the first
 FEWEST_PLACES = 12  # of white, and of black, that tell a light
-MOST_PLACES = 600  # of each, that are asked
+MAX_PLACES = 600  # of each, that are asked
 SCATTER = 0.02  # of radiance, beyond which a place counts less: dirt, fingers, reflections
 
 
@@ -48,7 +48,7 @@ def light_of(shown, reflectance, X, Y, free):
     medians = np.stack([np.median(shown[reflectance == r], axis=0) for r in (white, black)], axis=1)
     if (medians[:, 0] <= medians[:, 1]).any():
         raise ValueError("the board's white is darker than its black")
-    kept = np.concatenate([thinned(np.flatnonzero(reflectance == r), MOST_PLACES) for r in (white, black)])
+    kept = np.concatenate([thinned(np.flatnonzero(reflectance == r), MAX_PLACES) for r in (white, black)])
     shown, reflectance, X, Y = shown[kept], reflectance[kept], X[kept], Y[kept]
     light = np.where(free, first_light(medians, white, black), 0.0)
 

@@ -73,7 +73,7 @@ N_FEATURES, N_COLOUR = len(FEATURES), len(COLOUR_FEATURES)
 FLOORS, RIDGES = ({g: np.array([o[k] for o in OBSERVABLES if o.group == g]) for g in GAP_GROUPS} for k in (3, 4))
 FEATURE_FLOOR, FEATURE_RIDGE = (np.concatenate([of[g] for g in PLATE_GROUPS]) for of in (FLOORS, RIDGES))
 COLUMN = {name: k for names in (FEATURES, COLOUR_FEATURES, NOISE_FEATURES) for k, name in enumerate(names)}
-SIGNS, LEAST_FLOOR = tuple(o.name for o in OF_PHOTOGRAPHS), np.array([o.floor for o in OF_PHOTOGRAPHS])
+SIGNS, MIN_SIGN_FLOOR = tuple(o.name for o in OF_PHOTOGRAPHS), np.array([o.floor for o in OF_PHOTOGRAPHS])
 SIGNS_OF_GROUP = {g: names for g in GAP_GROUPS if (names := names_of(g, table=OF_PHOTOGRAPHS))}
 
 

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-MOST_LABELLINGS = 1000
+MAX_LABELLINGS = 1000
 MAX_DIRECTIONS = 24  # of one effect's parameters: a free warp's are more than captures tell
 RIDGE = 1e-4  # of an effect's information in its own units: what no capture tells stays where it is
 
 
-def labellings(belongs, rng, most=MOST_LABELLINGS):
+def labellings(belongs, rng, most=MAX_LABELLINGS):
     """Return labels (m, n), 0 or 1, of captures: every way to divide them alike where these are few, the given one first.
 
     Else the given one and others drawn by ``rng``, ``most`` in all.

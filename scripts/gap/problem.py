@@ -9,7 +9,7 @@ from effects import library, pipeline
 from effects.encoding import srgb_encode
 from gap.finder import Finder
 from gap.measure.capture import COARSE_TO_FINE, Codes, classify_flats, grey_of, measure_plates, observe, states_at
-from gap.measure.places import FARTHEST_FOLLOWED_PX, agreeing, follow_neighbours, large_enough
+from gap.measure.places import MAX_FOLLOWED_PX, agreeing, follow_neighbours, large_enough
 from gap.measure.regions import choose_regions
 from gap.observables import STATE_FEATURES, corners_in
 from gap.parameters import spec
@@ -17,7 +17,7 @@ from gap.predict.predictor import Predictor
 from gap.predict.synthesis import Prints, coverages, ground_points, is_lit, shade
 from gap.score import floors_of
 from gap.solver import Solver
-from gap.split import MOST_CAPTURES
+from gap.split import MAX_CAPTURES
 from rig.geometry import N_POSE, perturb_pose, project
 from rig.plates import printed_plates
 
@@ -70,7 +70,7 @@ class Case:
     nuisances: tuple = ()
     corner_numbers = 8  # of a plate: x and y of its code's corners, the first of its states and features
     state_features = STATE_FEATURES
-    most_captures = most_held_out = MOST_CAPTURES  # that are fitted, that are held out
+    most_captures = most_held_out = MAX_CAPTURES  # that are fitted, that are held out
     draws = True  # images of its captures, which is what takes time
     is_of_signs = False  # few a capture: first order promises little of effects, floors are seldom reached
     is_board = False  # photographs of a calibration board, not of a rig
@@ -269,7 +269,7 @@ class Case:
         corners, found = np.full(starts.shape, np.nan), np.zeros(len(starts), bool)
         for k, quad in self.finder().corners(image).items():
             corners[k] = quad
-            found[k] = np.abs(quad - starts[k]).max() < FARTHEST_FOLLOWED_PX
+            found[k] = np.abs(quad - starts[k]).max() < MAX_FOLLOWED_PX
         return corners, agreeing(starts, corners, found)
 
 

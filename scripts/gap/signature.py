@@ -30,10 +30,10 @@ SPARE = 0.02  # of squared places, in units of the half diagonal: what a slope n
 SPARE_CURVED = 0.005  # the same of what a plane leaves of them
 FINE_COEFFICIENT = 4  # sum of the orders from which a block's coefficients are of fine detail
 NEARLY_0_DN = 1.0
-LEAST = 1e-4  # of linear light
+MIN_LIGHT = 1e-4  # of linear light
 MIN_PIXELS = 100  # of white or black, that tell their noise
 NEAR, FAR = 1, 4  # pixels, whose differences are compared to tell how sharp edges are, whatever their profile
-LEAST_EDGES = 0.1  # of what levels differ by, that is not noise
+MIN_EDGES = 0.1  # of what levels differ by, that is not noise
 MIN_PATCHES = 4  # of a photograph, that say something of it
 TURNS = ((1, 1), (-1, 1))  # steps (x, y) along the two diagonals
 
@@ -290,7 +290,7 @@ class Photograph:
 
 def linear(levels):
     """Return linear light of grey levels, never none."""
-    return np.maximum(srgb_decode(np.clip(levels, 0, 255) / 255), LEAST)
+    return np.maximum(srgb_decode(np.clip(levels, 0, 255) / 255), MIN_LIGHT)
 
 
 def slope(values, by):
@@ -318,7 +318,7 @@ def _fineness(cores, step, noise):
             squares[k] += ((second - first) ** 2).sum(), first.size
     if not squares[:, 1].all():
         return np.nan
-    near, far = (max(square - noise, LEAST_EDGES * square) for square in squares[:, 0] / squares[:, 1])
+    near, far = (max(square - noise, MIN_EDGES * square) for square in squares[:, 0] / squares[:, 1])
     return _log(near) - _log(far)
 
 

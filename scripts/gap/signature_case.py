@@ -14,7 +14,7 @@ import numpy as np
 from effects import library, pipeline
 from effects.encoding import srgb_decode
 from gap.measure.places import large_enough
-from gap.observables import CORNERS, LEAST_FLOOR, SIGNS, SIGNS_OF_GROUP, corners_in
+from gap.observables import CORNERS, MIN_SIGN_FLOOR, SIGNS, SIGNS_OF_GROUP, corners_in
 from gap.parameters import get_parameter, image_step, with_parameters
 from gap.photographs import spread_out
 from gap.predict.predictor import Kept
@@ -188,7 +188,7 @@ class SignatureCase:
         counted = BY_GROUP[np.isfinite(off).mean(0)[BY_GROUP] >= MIN_SHOWING]
         middle = np.nanmedian(off[:, counted], axis=0)
         scatter = 1.4826 * np.nanmedian(np.abs(off[:, counted] - middle), axis=0)
-        return counted, np.maximum(scatter, LEAST_FLOOR[counted])
+        return counted, np.maximum(scatter, MIN_SIGN_FLOOR[counted])
 
     def is_like_light(self, effect):
         """Return whether another gain and stray light of each colour do all that an effect does where it is clearly seen."""

@@ -22,8 +22,8 @@ from gap.split import thinned
 from job import seed_of
 
 MIN_SHOWING = 0.8  # of the photographs, that show a sign which counts
-MOST_DIVISIONS = 5000  # of photographs between the sets: of 1,000 a p of 0.01 would be told to a third
-MOST_LAID, PATCHES_LAID = 4, 6  # photographs of a set, patches of each, on which effects are laid to see what they do
+MAX_DIVISIONS = 5000  # of photographs between the sets: of 1,000 a p of 0.01 would be told to a third
+MAX_LAID, PATCHES_LAID = 4, 6  # photographs of a set, patches of each, on which effects are laid to see what they do
 SCALES = (0.1, 4.0)  # of an effect's starts, at least and at most
 FIRST_STEP = 5.0  # times what matters, from effects that start at nothing
 MAX_REFINED, STEPS = 6, 4  # effects whose parameters are fitted, steps of a fit
@@ -113,7 +113,7 @@ def compared(before, after, seed, poses=None, uncounted=()):
 
 def orders(belongs, rng):
     """Return orders (m lists of n) of captures, the given one first: each division between the sets once, within by ``rng``."""
-    divisions = labellings(belongs, rng, MOST_DIVISIONS)[1:]
+    divisions = labellings(belongs, rng, MAX_DIVISIONS)[1:]
     drawn = [np.concatenate([rng.permutation(np.flatnonzero(labels == k)) for k in (0, 1)]) for labels in divisions]
     return [np.arange(len(belongs)), *drawn]
 
@@ -163,7 +163,7 @@ class Layer:
 
     def __init__(self, photographs, laid, sign, each):
         """laid: effects that the photographs have on already; sign 1 of the earlier set, -1 of the later one."""
-        self.photographs = [p.fewer(PATCHES_LAID) for p in thinned(photographs, MOST_LAID)]
+        self.photographs = [p.fewer(PATCHES_LAID) for p in thinned(photographs, MAX_LAID)]
         self.laid, self.sign, self.each = list(laid), sign, each
         self._before = self._signatures([])
 

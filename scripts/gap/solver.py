@@ -31,7 +31,7 @@ STILL_FAR = 0.1  # share of its loss above which a step says that the next one g
 OLDEST_DERIVATIVES = 3  # steps that derivatives serve
 FIRST_DAMPING = 1e-4  # share of the precisions' diagonal that a step adds to it
 STALE_STEPS = 12  # at most, with derivatives of another list of effects
-POSE_STEPS = 25  # at most: a mount that was found askew turns held-out cameras by a degree
+POSE_STEPS = 25  # at most: a mount that was found misaligned turns held-out cameras by a degree
 OWN_STEPS = 6  # at most, of held-out captures' own numbers
 DRAWN_AGAIN, NEAR_PX = 3, 0.05  # times that held-out images are drawn, move of corners that is followed without
 

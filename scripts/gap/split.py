@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-MOST_CAPTURES = 6  # that are fitted, and as many that are held out
+MAX_CAPTURES = 6  # that are fitted, and as many that are held out
 PROBES = 3  # captures of each half that promises are read from, and noise
 
 

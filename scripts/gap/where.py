@@ -14,7 +14,7 @@ COVARIATES = (
 BINS = 5
 EVERYWHERE = "everywhere"
 ADDS = 0.05  # share that a covariate must explain beyond what is alike everywhere
-MOST_PER_OBSERVABLE = 2
+MAX_PER_OBSERVABLE = 2
 
 
 def plate_gaps(case, effects, poses, predictions):
@@ -99,7 +99,7 @@ def explained_shares(table, train_captures):
             everywhere = _share(gap, pd.Series(0, index=gap.index), train)
             shares = {name: _share(gap, _bins(table[name]), train) for name in COVARIATES if name in table}
             best = sorted((n for n in shares if shares[n] > everywhere + ADDS), key=lambda n: (-shares[n], n))
-            for covariate, share in [(EVERYWHERE, everywhere), *((n, shares[n]) for n in best[:MOST_PER_OBSERVABLE])]:
+            for covariate, share in [(EVERYWHERE, everywhere), *((n, shares[n]) for n in best[:MAX_PER_OBSERVABLE])]:
                 if share > 0:
                     entry = {"observable": observable, "group": group, "covariate": covariate, "share": round(share, 4)}
                     rows.append(entry)

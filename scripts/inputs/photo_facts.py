@@ -16,7 +16,7 @@ from PIL.ExifTags import IFD, Base
 
 from inputs import heic
 
-LONGEST_TEXT, MOST_NOTES = 64, 5
+LONGEST_TEXT, MAX_NOTES = 64, 5
 # name in the table: (tag, whether in EXIF's own directory, smallest and largest value that is believed)
 NUMBERS = {
     "orientation": (Base.Orientation, False, 1, 8),
@@ -196,7 +196,7 @@ def said_in_words(rows, size):
         kinds = sorted({tables[row["jpeg_tables"]] for row in rows if row["jpeg_tables"]})
         samplings = sorted({row["jpeg_sampling"] for row in rows if row["jpeg_sampling"]})
         lines.append(f"JPEG: {' or '.join(kinds)} {_range(rows, 'jpeg_quality', 'quality {}')}, {', '.join(samplings)}")
-    return lines + [f"capture {row['capture']}: {row['notes']}" for row in rows if row["notes"]][:MOST_NOTES]
+    return lines + [f"capture {row['capture']}: {row['notes']}" for row in rows if row["notes"]][:MAX_NOTES]
 
 
 def _range(rows, name, words, shown="{:g}".format):

@@ -8,7 +8,7 @@ from rig.errors import InputError
 from rig.light import LIGHT
 
 TEXT, REAL, WHOLE = str, float, int
-MOST_COLUMNS = 1000  # no table has a tenth of it; checking as many takes minutes
+MAX_COLUMNS = 1000  # no table has a tenth of it; checking as many takes minutes
 
 
 def _columns(kind, names, nullable=False):
@@ -87,7 +87,7 @@ def read_table(path, schema):
     text = {name: str for name, c in schema.columns.items() if c.dtype and "str" in str(c.dtype)}
     with open(path, "rb") as file:
         columns = file.readline().count(b",") + 1
-    if columns > MOST_COLUMNS:
+    if columns > MAX_COLUMNS:
         raise InputError(f"{path}: {columns} columns; there are {len(schema.columns)} in such a table")
     try:
         table = pd.read_csv(path, dtype=text, keep_default_na=True)

@@ -17,7 +17,7 @@ from rig.targets import target_plate
 FAMILIES = "boards such as CHARUCO_7X5_75_DICT_5X5_100 and GRID_4X3_20_DICT_APRILTAG_36h11"
 CORNERS = "those of the smallest square about the board's middle that holds all squares of a ChArUco board, all markers of a grid"
 PATTERN = re.compile(r"(CHARUCO|GRID)_([1-9]\d?)X([1-9]\d?)_([1-9]\d?)_(DICT_\w+)")
-LEAST = 2  # columns and rows
+MIN_COUNT = 2  # columns and rows
 
 
 def board_of(family):
@@ -33,7 +33,7 @@ def board_of(family):
         aruco_dictionary(dictionary)
     except (ValueError, TypeError):
         return None
-    if min(columns, rows) < LEAST:
+    if min(columns, rows) < MIN_COUNT:
         return None
     share = percent / 100
     board = SimpleNamespace(

@@ -10,7 +10,7 @@ MARKER = ["dictionary", "id"]
 CELL = ["trajectory", "frame", *MARKER]
 FALSE_SHARE = 0.5  # of a side: what is farther from the truth is another marker, or none
 KEPT_SHARE = 0.25  # of a side: what is carried on and nearer than this is still of use
-LEAST_AT_REST = 0.5  # of the frames in which a marker must be seen for its jitter to count
+MIN_AT_REST = 0.5  # of the frames in which a marker must be seen for its jitter to count
 
 
 def corner_error_px(reported, true):
@@ -66,7 +66,7 @@ def jitter_at_rest(cells):
     place, turn = [], []
     for _, marker in cells.groupby(MARKER):
         poses = marker[marker.seen][[f"{c}_found" for c in POSE]].dropna().to_numpy(float)
-        if len(poses) < max(2, LEAST_AT_REST * len(marker)):
+        if len(poses) < max(2, MIN_AT_REST * len(marker)):
             continue
         place.append(1000 * np.sqrt(poses[:, 3:].var(axis=0, ddof=1).sum()))
         turns = Rotation.from_rotvec(poses[:, :3])
@@ -85,7 +85,7 @@ def shake_mm(cells):
         mine = marker[marker.seen & marker.in_frame]
         error = mine[[f"{c}_found" for c in POSE[3:]]].to_numpy(float) - mine[POSE[3:]].to_numpy(float)
         error = error[np.isfinite(error).all(axis=1)]
-        if len(error) >= max(2, LEAST_AT_REST * len(marker)):
+        if len(error) >= max(2, MIN_AT_REST * len(marker)):
             scatter.append(1000 * np.sqrt(error.var(axis=0, ddof=1).sum()))
     return _median(np.array(scatter))
 

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 
 from register import board_counts, boards, chessboard_counts
-from register.calibration import LEAST_VIEWS, matrix_of
+from register.calibration import MIN_VIEWS, matrix_of
 from register.registration import pose_from_plane
 from rig.board_markers import board_markers
 from rig.errors import InputError
@@ -24,7 +24,7 @@ SIZES = (50, 100, 250, 1000)  # of those that are named by their bits; the small
 
 def fits(points, board):
     """Return whether BoardPoints are enough, and lie as on one plane that shows a inputs.campaign.Board."""
-    if len(points.image) < boards.LEAST_POINTS:
+    if len(points.image) < boards.MIN_POINTS:
         return False
     side = board.square_m or board.marker_m + board.gap_m
     flat = points.board[:, :2]
@@ -37,7 +37,7 @@ def fits(points, board):
 
 def only_fitting(found, board, messages):
     """Return {name: BoardPoints} with those emptied whose markers lie otherwise than on the board."""
-    wrong = [name for name, v in found.items() if len(v.image) >= boards.LEAST_POINTS and not fits(v, board)]
+    wrong = [name for name, v in found.items() if len(v.image) >= boards.MIN_POINTS and not fits(v, board)]
     if wrong:
         messages.append(f"the markers lie otherwise than on the described board in {listed(wrong)}: not used")
     return {name: boards.nothing_found(v.markers) if name in wrong else v for name, v in found.items()}
@@ -81,7 +81,7 @@ def check_photographs(found, board, open_image, where, least=MIN_PHOTOGRAPHS):
 
 def what_it_takes(usable, least, advice=None):
     """Return how many photographs are needed, ``least``, and what to do where fewer are usable, more of them where not told."""
-    purpose = {MIN_PHOTOGRAPHS: "a verdict", LEAST_VIEWS: "a calibration"}.get(least, "a comparison")
+    purpose = {MIN_PHOTOGRAPHS: "a verdict", MIN_VIEWS: "a calibration"}.get(least, "a comparison")
     more = f"take {least - usable} more, sharp, with the whole board in view and from different sides"
     return f"{purpose} takes {least}: {advice or more}"
 

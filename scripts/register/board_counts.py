@@ -10,13 +10,13 @@ from register import boards
 from rig.board_markers import board_markers
 from rig.plates import aruco_dictionary
 
-MOST_COLUMNS, MORE_ROWS = 24, 10  # tried; the rows an even number: a legacy pattern begins with white or black by it
+MAX_COLUMNS, MORE_ROWS = 24, 10  # tried; the rows an even number: a legacy pattern begins with white or black by it
 IN_PLACE = 0.3  # of a pitch, from a marker's place; a wide lens moves centres by 0.2, another layout by 0.5 and more
-MOST_DRAWS = 200  # of four markers: enough where a third of them lie right
+MAX_DRAWS = 200  # of four markers: enough where a third of them lie right
 AROUND = 0.6  # of a pitch round a place: with its marker's margin
-LEAST_IN_PLACE, SHARE_IN_PLACE = 6, 0.6  # of the markers that one photograph shows, for a layout that nobody described
-LEAST_SEEN = 4  # markers that tell a homography
-LEAST_VIEWS, SHARE_MISSING = 4, 1 / 3  # photographs of a row that is missing
+MIN_IN_PLACE, SHARE_IN_PLACE = 6, 0.6  # of the markers that one photograph shows, for a layout that nobody described
+MIN_SEEN = 4  # markers that tell a homography
+MIN_VIEWS, SHARE_MISSING = 4, 1 / 3  # photographs of a row that is missing
 MAX_SHARE_OFF = 0.06  # relative, of a marker's side in pitches: prints as described are within 0.02
 
 UPRIGHT = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])  # corners of a marker from its centre, down from the top left
@@ -77,10 +77,10 @@ def placed(seen, lay):
     """
     ids = [i for i in seen if i in lay.places]
     places = np.array([lay.places[i] for i in ids], float).reshape(-1, 2)
-    if len(ids) < LEAST_SEEN or min(len(set(c)) for c in places.T) < 2:
+    if len(ids) < MIN_SEEN or min(len(set(c)) for c in places.T) < 2:
         return None, {}
     centres = np.array([centre(seen[i]) for i in ids])
-    H, _ = cv2.findHomography(centres, places, cv2.RANSAC, IN_PLACE, maxIters=MOST_DRAWS)
+    H, _ = cv2.findHomography(centres, places, cv2.RANSAC, IN_PLACE, maxIters=MAX_DRAWS)
     if H is None:
         return None, {}
     off = np.linalg.norm(cv2.perspectiveTransform(centres[None], H)[0] - places, axis=1)
@@ -109,7 +109,7 @@ def rows_shown(views, board):
     if last >= board.rows - 1 or max(max(one, default=0) for one in rows) >= board.rows - 1:
         return max(last + 1, board.rows)
     missing = sum(_row_is_missing(f, lay, last + 1) for f in found)
-    return last + 1 if missing >= max(LEAST_VIEWS, SHARE_MISSING * len(found)) else board.rows
+    return last + 1 if missing >= max(MIN_VIEWS, SHARE_MISSING * len(found)) else board.rows
 
 
 def _row_is_missing(view, lay, row):
@@ -144,7 +144,7 @@ def _rows_in_place(seen, lay):
     """Return the rows of the markers of a photograph that are in place; none where they are not most of those seen."""
     H, off = placed(seen, lay)
     ids = [i for i, d in off.items() if d < IN_PLACE and _is_upright(seen[i], H)]
-    enough = len(ids) >= max(LEAST_IN_PLACE, SHARE_IN_PLACE * len(seen))
+    enough = len(ids) >= max(MIN_IN_PLACE, SHARE_IN_PLACE * len(seen))
     return [lay.places[i][1] for i in ids] if enough else []
 
 
@@ -156,7 +156,7 @@ def _is_upright(quad, H):
 
 def _layouts(board, highest):
     """Yield Boards as described but of other columns, type and pattern, with as many rows as hold an id; likely ones first."""
-    likely = [board.columns, board.rows, *range(2, MOST_COLUMNS + 1)]
+    likely = [board.columns, board.rows, *range(2, MAX_COLUMNS + 1)]
     kinds = ("charuco", "aruco_grid") if board.type in ("charuco", "chessboard") else ("aruco_grid", "charuco")
     for kind in kinds:
         for columns in dict.fromkeys(likely):
@@ -190,4 +190,4 @@ def marker_share(views, board):
         for quad in (seen[i] for i, d in off.items() if d < IN_PLACE):
             a, b, c, d = cv2.perspectiveTransform(quad[None], H)[0]
             sides.append([np.linalg.norm([b - a, c - d], axis=1).mean(), np.linalg.norm([d - a, c - b], axis=1).mean()])
-    return np.median(sides, axis=0) if len(sides) >= LEAST_IN_PLACE else None
+    return np.median(sides, axis=0) if len(sides) >= MIN_IN_PLACE else None

@@ -16,7 +16,7 @@ from rig.plates import aruco_dictionary
 
 SUBPIX_WINDOW = (5, 5)
 SUBPIX_STOP = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 40, 0.001)
-LEAST_POINTS = 8
+MIN_POINTS = 8
 MAX_OFF_LINE = 0.1  # of a square: corners of cut squares are 0.16 to 0.5 off
 MAX_BENT = 0.2  # of a square, that a wide lens bends the ends of lines by
 CHARUCO_OFFSET_PX = 0.5  # of the installed OpenCV's corners (opencv#25539, gone with pull request 28380)
@@ -179,7 +179,7 @@ def check_legacy_pattern(images, board, where):
         return
     other = board.model_copy(update={"legacy_pattern": not board.legacy_pattern})
     for image in images:
-        if find_board(image, board).markers >= 4 and len(find_board(image, other).image) >= LEAST_POINTS:
+        if find_board(image, board).markers >= 4 and len(find_board(image, other).image) >= MIN_POINTS:
             said = ("false", "the legacy pattern") if other.legacy_pattern else ("true", "the pattern of today")
             raise InputError(
                 f"{where}: legacy_pattern is {said[0]} but the photographs show {said[1]} (all markers are read, no "

@@ -10,7 +10,7 @@ NO_DISTORTION = cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K
 MODELS = {"pinhole": NO_DISTORTION, "5": 0, "8": cv2.CALIB_RATIONAL_MODEL}
 INTRINSICS = ("fx", "fy", "cx", "cy")
 NAMES = (*INTRINSICS, "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
-LEAST_VIEWS = 3
+MIN_VIEWS = 3
 STARTS = (0.6, 0.9, 1.2, 2.0)  # focal lengths tried, in widths: the constrained fit has local minima
 
 
@@ -55,7 +55,7 @@ def calibrate_all(views, size, K=None):
     A model that holds the one before it and still fits worse has stuck: it is fitted again from there.
     """
     fits, before = {}, None
-    for name, flags in MODELS.items() if len(views) >= LEAST_VIEWS else ():
+    for name, flags in MODELS.items() if len(views) >= MIN_VIEWS else ():
         fit = calibrate(views, size, flags, K)
         if before and fit["rms_px"] > before["rms_px"]:
             distortion = np.array([before["parameters"][k] for k in NAMES[4:9]])
@@ -87,10 +87,10 @@ def guess(size, exif_px=None):
 def ideal_intrinsics(views, boards_of_folder, size, messages, exif_px=None):
     """Return (fx, fy, cx, cy) of the ideal twin where nothing is known, from the captures or else the calibration, or EXIF."""
     for source in (views, boards_of_folder):
-        if len(source) >= LEAST_VIEWS:
+        if len(source) >= MIN_VIEWS:
             fit = ideal_pinhole(source, size, exif_px)
             messages.append(f"ideal pinhole fitted to {len(source)} images: residual {fit['rms_px']:.3f} px")
             return [fit["parameters"][k] for k in INTRINSICS]
     used = "EXIF's focal length" if exif_px else "a guess"
-    messages.append(f"intrinsics unknown and fewer than {LEAST_VIEWS} images to fit them: {used} is used")
+    messages.append(f"intrinsics unknown and fewer than {MIN_VIEWS} images to fit them: {used} is used")
     return guess(size, exif_px)

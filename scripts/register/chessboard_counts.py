@@ -4,9 +4,12 @@ import cv2
 import numpy as np
 
 NEXT = (-1.2, -1.35, -1.5, -1.65, -1.8)  # in the squares after the outermost, from the first inner corners, in squares
-LEAST_CONTRAST, LEAST_SHARE = 0.4, 0.5  # of the board's own, between any of those squares; of the photographs
+MIN_CONTRAST, MIN_SHARE_OF_PHOTOGRAPHS = (
+    0.4,
+    0.5,
+)  # of the board's own, between any of those squares; of the photographs
 CORNERS_IN_REACH = 3  # that a line is continued by
-LEAST_COUNTS = (3, 3)  # of inner corners, from which OpenCV's finder grows a pattern
+MIN_COUNTS = (3, 3)  # of inner corners, from which OpenCV's finder grows a pattern
 
 
 def _centres(grid):
@@ -40,7 +43,7 @@ def _alternates(grey, ring, odd, contrast):
     if (middle < 0).any() or (middle > np.array(grey.shape[::-1]) - 1).any():
         return False
     values = _values(grey, middle) * np.sign(contrast)
-    return values[odd].min() - values[~odd].max() > LEAST_CONTRAST * abs(contrast)
+    return values[odd].min() - values[~odd].max() > MIN_CONTRAST * abs(contrast)
 
 
 def _values(grey, xy):
@@ -67,7 +70,7 @@ def more_squares(views, board):
     found = []
     for turn in (lambda g: g.transpose(1, 0, 2), lambda g: g):
         shows = [goes_on(grey, turn(grid)) or goes_on(grey, turn(grid)[::-1]) for grey, grid in seen]
-        found.append(int(sum(shows) >= LEAST_SHARE * len(seen)))
+        found.append(int(sum(shows) >= MIN_SHARE_OF_PHOTOGRAPHS * len(seen)))
     return tuple(found)
 
 
@@ -77,7 +80,7 @@ def counts_shown(images, board):
     In the described order of the longer side and the shorter; last those of a board whose squares were described. None is
     sure: what lies about a board may look like squares.
     """
-    grown = [cv2.findChessboardCornersSBWithMeta(grey, LEAST_COUNTS, cv2.CALIB_CB_LARGER) for grey in images]
+    grown = [cv2.findChessboardCornersSBWithMeta(grey, MIN_COUNTS, cv2.CALIB_CB_LARGER) for grey in images]
     sides = {tuple(sorted(meta.shape, reverse=board.columns >= board.rows)) for found, _, meta in grown if found}
     shown = sorted(sides, key=lambda counts: (-counts[0] * counts[1], counts))
-    return shown + [(board.columns - 1, board.rows - 1)] * (min(board.columns, board.rows) > min(LEAST_COUNTS))
+    return shown + [(board.columns - 1, board.rows - 1)] * (min(board.columns, board.rows) > min(MIN_COUNTS))

@@ -93,7 +93,7 @@ def board_finder(board):
 
 def usable_views(found):
     """Return the BoardPoints of {name: BoardPoints} with enough points to be a view."""
-    return {k: v for k, v in found.items() if len(v.image) >= boards.LEAST_POINTS}
+    return {k: v for k, v in found.items() if len(v.image) >= boards.MIN_POINTS}
 
 
 def views_of_markers(seen):
@@ -111,7 +111,7 @@ def trusted_finder(found, size, messages):
     if any(len(points) == 1 for points in found.values()):
         return USUAL
     views = [usable_views(by_finder(found, k)) for k in (USUAL, SECTORS)]
-    if len(views[SECTORS]) < max(len(views[USUAL]), calibration.LEAST_VIEWS):
+    if len(views[SECTORS]) < max(len(views[USUAL]), calibration.MIN_VIEWS):
         return USUAL
     rms = [calibration.calibrate(v, size, calibration.MODELS["5"])["rms_px"] if v else np.inf for v in views]
     if rms[SECTORS] >= SECTORS_ARE_BETTER * rms[USUAL]:

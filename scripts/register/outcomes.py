@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from register.boards import LEAST_POINTS
+from register.boards import MIN_POINTS
 from register.registration import NO_PRIOR, ideal_lens, pose_from_markers, pose_from_plane, register_pose
 from rig.geometry import project
 
@@ -38,7 +38,7 @@ def register_markers(seen, K, nominal, sigma, lens=ideal_lens):
 
 def register_board(points, K, nominal, sigma, lens=ideal_lens):
     """Return (status, n_markers, rms_px, T_cam_world, se) of one capture's BoardPoints; a chessboard's points count."""
-    if len(points.image) < LEAST_POINTS:
+    if len(points.image) < MIN_POINTS:
         return not_registered(nominal)
     start = nominal
     if nominal is None:

@@ -13,20 +13,20 @@ from rig.plates import marker_corners_plate
 CORNER_SIGMA_PX = 0.5  # least standard deviation of a detected corner
 HUBER = 3.0  # residuals beyond so many standard deviations count by their length, not its square
 NO_PRIOR = np.full(6, np.inf)
-LEAST_PRIOR = 1e-9  # rad and m: a tolerance of zero; its weight 1 / sigma^2 stays finite
+MIN_PRIOR = 1e-9  # rad and m: a tolerance of zero; its weight 1 / sigma^2 stays finite
 BEHIND_PX = 1e4  # residual of a point behind the camera
 
 
 def prior_of(tolerance):
     """Return the standard deviations (6,), rad then m, of the prior of a pose about its nominal one.
 
-    tolerance is scene.json's: a dict of ``position_m`` and ``angle_deg``, at least ``LEAST_PRIOR`` each, or None where
+    tolerance is scene.json's: a dict of ``position_m`` and ``angle_deg``, at least ``MIN_PRIOR`` each, or None where
     nothing is known: ``NO_PRIOR``.
     """
     if tolerance is None:
         return NO_PRIOR
     sigma = np.array([np.radians(tolerance["angle_deg"])] * 3 + [tolerance["position_m"]] * 3)
-    return np.maximum(sigma, LEAST_PRIOR)
+    return np.maximum(sigma, MIN_PRIOR)
 
 
 def ideal_lens(pixels, _):

@@ -16,7 +16,7 @@ MAX_TILTS, TILT_STEP_DEG = 9, 10  # nominal tilts that are told one by one; else
 MAX_BINS = 8
 WIDTHS_M = (0.05, 0.1, 0.2, 0.25, 0.5, 1, 2, 5, 10, 20, 50, 100)
 BORDER_POINTS = 12  # of each side of a frame, to see where it meets the ground
-FARTHEST = 40.0  # metres: ground beyond is not drawn
+MAX_DISTANCE_M = 40.0  # metres: ground beyond is not drawn
 CORNER_NAMES = [f"corner_{axis}{k}" for k in range(4) for axis in "xy"]
 
 
@@ -79,7 +79,7 @@ def place_of(K, width, height, T_cam_world):
     rays = np.column_stack([xy, np.ones(len(xy))]) @ np.linalg.inv(K).T @ eye[:3, :3].T
     with np.errstate(divide="ignore", invalid="ignore"):
         s = -eye[2, 3] / rays[:, 2]
-    hit = (s > 0) & (s * np.linalg.norm(rays, axis=1) < FARTHEST)
+    hit = (s > 0) & (s * np.linalg.norm(rays, axis=1) < MAX_DISTANCE_M)
     ground = eye[:2, 3] + s[hit, None] * rays[hit, :2]
     return {"at": rounded(eye[:3, 3], 4), "axis": rounded(eye[:2, 2], 4), "ground": rounded(ground, 3)}
 

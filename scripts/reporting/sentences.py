@@ -5,7 +5,7 @@ import pandas as pd
 from rig.light import hidden_groups
 from rig.words import LADDER, gap_along, plain, with_error
 
-MOST_TOLD = 12  # parameters of one effect that a sentence can hold
+MAX_TOLD = 12  # parameters of one effect that a sentence can hold
 FEW_NOT_LOOKED_AT = 2
 AROUND_A_BOARD = (
     "What lies about the board is not modelled: the twin has even grey ground there, and no number is taken from it."
@@ -80,7 +80,7 @@ def listed(names):
 def effect_words(step):
     """Return an effect with its parameters, such as ``radial distortion (k1 0.1712 ± 0.0020)``; of many the number."""
     parameters = step.get("parameters", {})
-    if len(parameters) > MOST_TOLD:
+    if len(parameters) > MAX_TOLD:
         return f"{plain(step['effect'])} ({len(parameters)} parameters)"
     values = [f"{name} {with_error(p['value'], p.get('se'))}" for name, p in parameters.items()]
     return plain(step["effect"]) + (f" ({', '.join(values)})" if values else "")
@@ -190,7 +190,7 @@ def change_words(step):
     name = plain(step["effect"]) + or_others(step)
     name += " (or the light is another)" if step.get("like_light") else ""
     parameters = step["parameters"]
-    if len(parameters) > MOST_TOLD:
+    if len(parameters) > MAX_TOLD:
         return f"{name} has changed ({len(parameters)} parameters)"
     values = (f"{k} from {p['from']:.4g} to {with_error(p['to'], p['se'])}" for k, p in parameters.items())
     return f"{name} has changed: {', '.join(values)}"

@@ -18,7 +18,7 @@ HIDE_ONE_ANOTHER = (  # {what a campaign may leave open, None of what is never d
     {"white_balance": "the colour balance", "light": "the lamp's colour"},
     {"reflectance": "the black of the print", "light": "glare", None: "the curve's foot"},
 )
-FARTHEST = 2.0  # place up to which the light goes on; beyond it stays
+MAX_PLACE = 2.0  # place up to which the light goes on; beyond it stays
 
 
 class BoardPlace:
@@ -31,7 +31,7 @@ class BoardPlace:
     def __call__(self, x, y):
         """Return the places (X, Y) of points x, y (any shape), metres on the board's plane."""
         return tuple(
-            np.clip((v - m) / self.half_size, -FARTHEST, FARTHEST) for v, m in zip((x, y), self.middle, strict=True)
+            np.clip((v - m) / self.half_size, -MAX_PLACE, MAX_PLACE) for v, m in zip((x, y), self.middle, strict=True)
         )
 
 

@@ -15,7 +15,7 @@ CHECKERED = ("chessboard", "charuco")  # types of boards whose points are corner
 WHITE_ABOUT = 0.25  # of a chessboard's square, that is looked at on each side of a black one
 # Points of a square, from its middle, that tell a black one from a marker
 INSIDE_SQUARE = 0.48 * np.array([[0, 0], [-1, -1], [-1, 1], [1, -1], [1, 1]])
-FARTHEST_CELLS = 1.5  # half sides of a patch, up to which the board's cells are part of it
+MAX_CELLS = 1.5  # half sides of a patch, up to which the board's cells are part of it
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def _inner_black_squares(board, plate):
 def _patch(name, centre, half_code, half_patch, cells):
     """Return the Patch about a centre with its share of the board's black cells (n, 4)."""
     from_centre = cells - np.tile(centre, 2)
-    far = FARTHEST_CELLS * half_patch
+    far = MAX_CELLS * half_patch
     near = np.clip(from_centre, -far, far)
     near = near[(near[:, 2] > near[:, 0]) & (near[:, 3] > near[:, 1])]
     return Patch(name, centre, half_code, half_patch, stacked(near))

@@ -10,7 +10,7 @@ LADDER = {
     "delta_rotation_deg": "rotation, °",
     "gap": "gap, floors",
 }
-LEAST_ERROR = 1e-9  # of a value: less is what computing with doubles leaves
+MIN_ERROR = 1e-9  # of a value: less is what computing with doubles leaves
 
 
 def plain(name):
@@ -23,7 +23,7 @@ def with_error(value, error):
 
     ``error`` is a standard error, None, not finite or below rounding where it is unknown.
     """
-    if not error or not math.isfinite(error) or error < LEAST_ERROR * max(abs(value), 1.0):
+    if not error or not math.isfinite(error) or error < MIN_ERROR * max(abs(value), 1.0):
         return f"{value:.4g}"
     places = max(0, 1 - math.floor(math.log10(error)))
     return f"{value:.{places}f} ± {error:.{places}f}"

@@ -22,7 +22,7 @@ PRIOR = (
     np.array([1.0, 0.02, 0.02, 0.3, 0.5, 0.1, 0.002]),
 )  # mean and deviation
 HUBER = 2.0  # standard deviations; less than of a pose alone: a marker that moved must not pull cameras along
-LEAST_SIGMA_PX = 0.02
+MIN_SIGMA_PX = 0.02
 ROUNDS = 3  # each from the last one's poses, with the scatter that it has shown
 BEHIND_PX = 1e3
 TIGHT = {
@@ -98,7 +98,7 @@ def adjust(sightings, side_m, scene, fixed, flat, rounds=ROUNDS, most_steps=60):
         errors = _errors_px(sightings, side_m, scene)
         used, spare = errors.size, errors.size - layout.count + scene.cameras.size
         sigma_px = 1.4826 * np.median(np.abs(errors)) * np.sqrt(used / max(spare, 0.1 * used))
-        sigma_px = max(float(sigma_px), LEAST_SIGMA_PX)
+        sigma_px = max(float(sigma_px), MIN_SIGMA_PX)
     se = _standard_errors(layout, scene, side_m, sigma_px)
     return Adjusted(scene, errors, sigma_px, float(fit.cost), se[1], se[0])
 

@@ -12,7 +12,7 @@ from rig.geometry import invert_pose, make_pose, project
 from rig.plates import marker_corners_plate
 from start.bundle import BEHIND_PX
 
-MOST_TRIED = 12  # photographs from which a marker's pose is proposed
+MAX_TRIED = 12  # photographs from which a marker's pose is proposed
 
 
 def first_poses(sightings, side_m, Ks):
@@ -68,7 +68,7 @@ class _Seen:
         """Return T_a_b (4, 4) of two markers: of all pairs of their poses the one that most photographs agree with."""
         shared = [v for v in self.views_with[a] if (v, b) in self.quads]
         proposals = [
-            invert_pose(Ta) @ Tb for v in shared[:MOST_TRIED] for Ta in self.poses[v, a] for Tb in self.poses[v, b]
+            invert_pose(Ta) @ Tb for v in shared[:MAX_TRIED] for Ta in self.poses[v, a] for Tb in self.poses[v, b]
         ]
         return self._best(proposals, [(v, b, self.poses[v, a]) for v in shared])
 
@@ -100,6 +100,6 @@ class _Seen:
             known = [v for v in shown if v in views]
             if marker in markers or len(known) < least:
                 continue
-            proposals = [invert_pose(views[v]) @ T for v in known[:MOST_TRIED] for T in self.poses[v, marker]]
+            proposals = [invert_pose(views[v]) @ T for v in known[:MAX_TRIED] for T in self.poses[v, marker]]
             found[marker] = self._best(proposals, [(v, marker, [views[v]]) for v in known])
         return found

@@ -17,8 +17,8 @@ from start.first_guess import first_poses
 from start.markers import smallest_dictionary
 
 FOCAL_STARTS = (0.6, 0.9, 1.4)  # focal lengths to start from, in longer sides, where EXIF says nothing
-LEAST_VIEWS, LEAST_MARKERS = 3, 3
-MOST_VIEWS = 60  # with the most markers: more tell hardly more
+MIN_VIEWS, MIN_MARKERS = 3, 3
+MAX_VIEWS = 60  # with the most markers: more tell hardly more
 FAR_SIGMA, FAR_PX = 6.0, 1.0  # a marker that is further off than both lies elsewhere
 MOVED_SHARE = 0.25  # of its photographs, in which a marker lies elsewhere
 OFF_SHARE = 0.5  # of a photograph's markers
@@ -58,9 +58,9 @@ def place_loose_markers(found, sizes, camera, side_m, focals):
     table, keys, left_out = _sightings(found, sizes, camera)
     table, out = _seen_often(table)
     left_out += [(keys[m], "seen in one photograph only: nothing tells how surely it lies there") for m in out]
-    if len(np.unique(table.marker)) < LEAST_MARKERS or len(np.unique(table.view)) < LEAST_VIEWS:
+    if len(np.unique(table.marker)) < MIN_MARKERS or len(np.unique(table.view)) < MIN_VIEWS:
         raise InputError(
-            f"at least {LEAST_MARKERS} markers, each in two photographs or more with others, and {LEAST_VIEWS} photographs are "
+            f"at least {MIN_MARKERS} markers, each in two photographs or more with others, and {MIN_VIEWS} photographs are "
             "needed to tell where they lie"
         )
     table = _richest(table)
@@ -113,9 +113,9 @@ def _seen_often(table):
 
 
 def _richest(table):
-    """Return the Sightings of the photographs with the most markers: MOST_VIEWS of them, with two markers at least."""
+    """Return the Sightings of the photographs with the most markers: MAX_VIEWS of them, with two markers at least."""
     counts = np.bincount(table.view)
-    best = [v for v in np.argsort(-counts, kind="stable")[:MOST_VIEWS] if counts[v] > 1]
+    best = [v for v in np.argsort(-counts, kind="stable")[:MAX_VIEWS] if counts[v] > 1]
     return table.select(np.isin(table.view, best))
 
 
@@ -129,7 +129,7 @@ def _first_scene(table, side_m, focals):
             for f, (w, h) in zip(share, table.sizes, strict=True)
         ]
         views, markers = first_poses(table, side_m, Ks)
-        if len(markers) < LEAST_MARKERS or len(views) < LEAST_VIEWS:
+        if len(markers) < MIN_MARKERS or len(views) < MIN_VIEWS:
             continue
         cameras = np.tile(PRIOR[0], (len(share), 1))
         cameras[:, 0] = np.log(share)
@@ -141,7 +141,7 @@ def _first_scene(table, side_m, focals):
         if best is None or score < best[0]:
             best = score, fit.scene, m, v
     if best is None:
-        raise InputError(f"fewer than {LEAST_MARKERS} markers are seen together: nothing tells where they lie")
+        raise InputError(f"fewer than {MIN_MARKERS} markers are seen together: nothing tells where they lie")
     return table, best[1], best[2], best[3]
 
 
@@ -193,7 +193,7 @@ def _settled(table, side_m, scene, keys, flat):
             keep = ~far
         table, scene, keys, more = _without(table.select(keep), scene, keys)
         out += more
-        if len(keys) < LEAST_MARKERS or len(np.unique(table.view)) < LEAST_VIEWS:
+        if len(keys) < MIN_MARKERS or len(np.unique(table.view)) < MIN_VIEWS:
             raise InputError(
                 "markers do not stay where they are from one photograph to the next: "
                 + "; ".join(f"{named(key)} {why}" for key, why in out[:3])

@@ -19,12 +19,12 @@ FAMILIES = {  # the largest dictionary of each family, and those that are its be
          "DICT_APRILTAG_25h9", "DICT_APRILTAG_16h5"), (),
     ),
 }  # fmt: skip
-MOST_COLUMNS = 40
+MAX_COLUMNS = 40
 SAMPLES = 10  # photographs in which all dictionaries are looked for
 SMALLEST_SHARE = 0.3  # of the most frequent dictionary's markers, for another to be there as well
 FITTING_SHARE = 0.7  # of the markers seen must lie where a layout has them
-LEAST_MARKERS = 4
-LEAST_AGREEING = 6  # in a photograph: four lie as on any board
+MIN_MARKERS = 4
+MIN_AGREEING = 6  # in a photograph: four lie as on any board
 SCREENED = 4  # photographs in which layouts compete
 NEIGHBOURS = 6
 SCREENING, THOROUGH = 60, 300  # tries of RANSAC
@@ -98,7 +98,7 @@ def dictionaries_seen(images):
     step = max(1, len(images) // SAMPLES)
     counts = {name: sum(len(detect(i, name).ids) for i in images[::step]) for name in FAMILIES}
     most = max(counts.values())
-    there = [n for n, count in counts.items() if count >= max(SMALLEST_SHARE * most, LEAST_MARKERS)]
+    there = [n for n, count in counts.items() if count >= max(SMALLEST_SHARE * most, MIN_MARKERS)]
     return {n: [detect(image, n) for image in images] for n in sorted(there, key=lambda n: -counts[n])}
 
 
@@ -117,11 +117,11 @@ def best_layout(seen):
 
     seen  list of Seen, one a photograph
     """
-    many = [s for s in seen if len(s.ids) >= LEAST_AGREEING]
+    many = [s for s in seen if len(s.ids) >= MIN_AGREEING]
     if not many:
         return None
-    choices = [("grid", c, False) for c in range(2, MOST_COLUMNS)]
-    choices += [("charuco", c, corner) for c in range(2, MOST_COLUMNS) for corner in (False, True)]
+    choices = [("grid", c, False) for c in range(2, MAX_COLUMNS)]
+    choices += [("charuco", c, corner) for c in range(2, MAX_COLUMNS) for corner in (False, True)]
     few = sorted(many, key=lambda s: -len(s.ids))[:SCREENED]
     counts = {choice: sum(len(agreeing(s, places_of(*choice, s.ids), SCREENING)[0]) for s in few) for choice in choices}
     best = max(counts, key=counts.get)
@@ -129,8 +129,8 @@ def best_layout(seen):
     for s in seen:
         places = places_of(*best, s.ids)
         lying, _ = agreeing(s, places)
-        shown.append(len(lying) >= LEAST_AGREEING)
-        total += len(s.ids) if len(s.ids) >= LEAST_AGREEING else 0
+        shown.append(len(lying) >= MIN_AGREEING)
+        total += len(s.ids) if len(s.ids) >= MIN_AGREEING else 0
         if shown[-1]:
             inliers.update(int(s.ids[k]) for k in lying)
             ratios += _sides(s, lying, places)
@@ -142,7 +142,7 @@ def best_layout(seen):
 
 def agreeing(seen, places, tries=THOROUGH):
     """Return (indices of markers that a homography takes from their places (n, 2), y down, to where they are, it or None)."""
-    if len(seen.ids) < LEAST_MARKERS or np.linalg.matrix_rank(places - places.mean(axis=0)) < 2:
+    if len(seen.ids) < MIN_MARKERS or np.linalg.matrix_rank(places - places.mean(axis=0)) < 2:
         return [], None
     H, mask = cv2.findHomography(places, seen.centres(), cv2.RANSAC, TOLERANCE * seen.side(), maxIters=tries)
     if H is None or np.linalg.det(H) <= 0:  # mirrored: no print is

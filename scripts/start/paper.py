@@ -7,7 +7,7 @@ PX = 64  # of a code's side, once it is straightened
 REACH = 1.0  # looked for so far beyond the code, in its sides
 WHITE_SHARE = 0.75  # of the paper's level next to the code: darker is no paper
 ROUND_SHARE = 0.8  # of a frame round the code must be paper
-MOST = 40  # sightings looked at
+MAX_SIGHTINGS = 40  # sightings looked at
 
 
 def plate_over_code(images, views, quads):
@@ -15,7 +15,7 @@ def plate_over_code(images, views, quads):
 
     images  grey, uint8; views (n,) in which of them the codes of corners ``quads`` (n, 4, 2) lie
     """
-    step = max(1, len(views) // MOST)
+    step = max(1, len(views) // MAX_SIGHTINGS)
     sides = [_plate(images[v], quad) for v, quad in zip(views[::step], quads[::step], strict=True)]
     known = [s for s in sides if s is not None]
     return float(np.median(known)) if len(known) > len(sides) / 2 else None

@@ -18,7 +18,7 @@ from rig.errors import InputError
 from start.loose import place_loose_markers
 from start.markers import (
     FITTING_SHARE,
-    LEAST_MARKERS,
+    MIN_MARKERS,
     SAMPLES,
     agreeing,
     best_layout,
@@ -33,9 +33,9 @@ NICE_RATIOS = (0.5, 0.6, 2 / 3, 0.7, 0.75, 0.8, 0.85, 0.9)  # of marker and squa
 NEAR = 0.015
 FEWEST_SQUARES = (3, 3)
 CHECKED = 4  # photographs in which a chessboard's size is checked by another finder
-ENOUGH_PX = 1000  # longer side, at which a chessboard's squares are counted
+COUNTED_PX = 1000  # longer side, at which a chessboard's squares are counted
 TOGETHER = 2  # markers, that tell how they lie to each other
-LEAST_PHOTOGRAPHS = 3  # that show a chessboard alike: patterns without ids are found where there are none
+MIN_PHOTOGRAPHS = 3  # that show a chessboard alike: patterns without ids are found where there are none
 
 
 @dataclass(frozen=True)
@@ -162,7 +162,7 @@ def _plates(found, rig):
     if total == 0 or lying < FITTING_SHARE * total:
         return None
     guesses = {"markers": f"the plates of {Path(rig).name}, as `python scripts/print_board.py rig {rig}` prints them"}
-    return Pattern(None, table, guesses, tuple(shown >= LEAST_MARKERS), str(rig))
+    return Pattern(None, table, guesses, tuple(shown >= MIN_MARKERS), str(rig))
 
 
 def loose_pattern(found, images, sizes, camera, side_m, focals):
@@ -236,7 +236,7 @@ def _chessboard(images, square_m):
     sizes = Counter(size for size in found if size[0])
     # more squares than there are is not seen, fewer is: of a board's parts the whole one counts
     rows, columns = max(sizes, key=lambda s: sizes[s] * s[0] * s[1], default=(0, 0))
-    if sizes[rows, columns] < LEAST_PHOTOGRAPHS:
+    if sizes[rows, columns] < MIN_PHOTOGRAPHS:
         return None
     seen_so = sizes[rows, columns]
     with_it = [image for image, size in zip(images, found, strict=True) if size == (rows, columns)]
@@ -264,7 +264,7 @@ def _whole(images, rows, columns):
 
 def chessboard_size(grey):
     """Return (rows, columns) of inner corners of the largest chessboard in an image, (0, 0) where there is none."""
-    scale = ENOUGH_PX / max(grey.shape)
+    scale = COUNTED_PX / max(grey.shape)
     if scale < 1:  # clutter takes long at full size
         grey = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_NORMALIZE_IMAGE

@@ -29,7 +29,7 @@ from generator import LIBRARY, OUTSIDE
 from reporting.metrics import wilson_interval
 
 Z95 = 1.959964
-ENOUGH_GAP = 1.05
+MAX_GAP = 1.05
 MAX_GROUP = 3  # names in a group that still says what is hidden
 NOTHING = "(nothing)"
 
@@ -192,7 +192,7 @@ def summary_of(trials, parameters):
         ("nothing hidden: said adequate", "", by["none"].verdict == "adequate"),
         ("outside the library: said unexplained", "97 %", outside.verdict == "unexplained"),
         ("outside the library: a wrong name given", "at most 5 %", outside.named != ""),
-        ("held-out gap after the climb at most 1.05 floors", "95 %", closed.gap.fillna(np.inf) <= ENOUGH_GAP),
+        ("held-out gap after forward selection at most 1.05 floors", "95 %", closed.gap.fillna(np.inf) <= MAX_GAP),
         ("what has changed on photographs: the right effect first", "90 %", changed.first_right),
         ("nothing changed on photographs: something named (false alarm)", "at most 2 %", same.named != ""),
         ("whole cameras: said explained", "", whole.verdict == "explained"),
@@ -200,7 +200,7 @@ def summary_of(trials, parameters):
     counts = [(what, aim, int(hit.sum()), len(hit)) for what, aim, hit in hits]
     if len(whole):
         total = whole[["n_counted", "n_found", "n_named", "n_in_groups", "n_wrong"]].sum().astype(int)
-        near = whole.gap_ratio <= ENOUGH_GAP
+        near = whole.gap_ratio <= MAX_GAP
         counts += [
             ("whole cameras: hidden effects named", "90 %", total.n_found, total.n_counted),
             ("whole cameras: names in groups", "at most 15 %", total.n_in_groups, total.n_named),

@@ -24,7 +24,7 @@ from tiny_campaign import HEIGHT, WIDTH, lay_down
 from workflow_runs import copy_project, detectors
 
 COUNTS = (100, 1_000, 10_000, 50_000)
-MOST_RUN = 10_000
+MAX_RUN = 10_000
 LONGEST_S = 20_000
 TRIALS = 100
 TABLES = ["results/tiny/tables/table1.csv", "results/tiny/tables/table2.csv"]
@@ -126,10 +126,10 @@ def main():
     """Read the command line, measure, record, draw."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("counts", type=int, nargs="*", metavar="N", help=f"captures; without any {COUNTS}")
-    parser.add_argument("--plan-only", action="store_true", help=f"no run; from {MOST_RUN + 1} captures on always so")
+    parser.add_argument("--plan-only", action="store_true", help=f"no run; from {MAX_RUN + 1} captures on always so")
     options = parser.parse_args()
     for count in options.counts or COUNTS:
-        figures = measure(count, count <= MOST_RUN and not options.plan_only)
+        figures = measure(count, count <= MAX_RUN and not options.plan_only)
         for what, value, unit in figures:
             print(f"{count}: {what}: {value:.3g} {unit}", flush=True)
         record(figures, f"{COMMAND} {count}")

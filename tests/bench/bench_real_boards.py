@@ -51,7 +51,7 @@ from told_apart import auc, patches_of  # noqa: E402
 REAL = ROOT.parent / "shared/real"
 TABLE, PAGE = ROOT / "docs/real-photographs.csv", ROOT / "docs/real-photographs.md"
 AT_FLOOR = 1.2  # floors
-MOST_DRAWN = 4  # photographs whose grey levels are compared
+MAX_DRAWN = 4  # photographs whose grey levels are compared
 COLUMNS = [
     "set",
     "photographs",
@@ -206,7 +206,7 @@ class Drawn:
         drawn = load_photographs(expand, intrinsics, case.camera, board_patches(Board.model_validate(target)))
         free, zero = free_numbers(load_campaign(campaign).file.left_open), np.zeros(6)
         self.rms, self.found = [], {"photograph": [], "nominal": [], "closest": []}
-        for i in indices[:MOST_DRAWN]:
+        for i in indices[:MAX_DRAWN]:
             name = case.captures[i].view.capture
             capture = replace(
                 drawn.captures[i], view=replace(case.captures[i].view, T_cam_world=moved_pose(case, i, twin))

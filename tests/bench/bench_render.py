@@ -29,7 +29,7 @@ from rig.geometry import camera_matrix, invert_pose, station_pose  # noqa: E402
 WIDTH, HEIGHT, FOCAL_PX = 480, 270, 370.0  # the HP 325's field of view on a quarter of its pixels
 HEIGHT_M, TILT_DEG, STATIONS = 0.6, 45, 3
 EDGE_SAMPLES = 256
-MOST_PLAIN_SAMPLES = 2048
+MAX_PLAIN_SAMPLES = 2048
 
 
 def rig():
@@ -126,7 +126,7 @@ def main():
     rows = [["ours, a further station", EDGE_SAMPLES, one["rms_dn"], further, further / megapixels]]
     rows.append(["ours, start-up and first", EDGE_SAMPLES, one["rms_dn"], one["cpu_s"], one["cpu_s"] / megapixels])
     samples = EDGE_SAMPLES
-    while samples <= MOST_PLAIN_SAMPLES:
+    while samples <= MAX_PLAIN_SAMPLES:
         got = in_a_process(f"plain({samples})")
         rows.append(["plain, a process", samples, got["rms_dn"], got["cpu_s"], got["cpu_s"] / megapixels])
         if got["rms_dn"] <= one["rms_dn"] * 1.05:

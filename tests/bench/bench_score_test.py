@@ -36,14 +36,14 @@ TABLE = ROOT / "docs/score-test.csv"
 SEED, STRENGTH = "gate", 0.25
 ALPHA, MIN_RAISE = 0.01, 1.02  # a p-value over all candidates; factor of a group's gap
 NOTHING, NOT_RUN = "nothing", "not run"
-MOST_NAMES = 4  # more need not be counted: it is not named alone
+MAX_NAMES = 4  # more need not be counted: it is not named alone
 
 
 def named_by_rule(search):
     """Return (names in the order proposed, names that stay) of a Search by the one rule."""
     twin = search.fitted(list(search.problem.nuisances))
     candidates, proposed, refused = list(search.candidates), [], set()
-    while len(proposed) < MOST_NAMES:
+    while len(proposed) < MAX_NAMES:
         left = [n for n in candidates if n not in twin.names and n not in refused]
         best = most_evident(search, twin, [n for n in left if not is_flexible(n)], len(candidates), bool(proposed))
         best = best or most_evident(search, twin, [n for n in left if is_flexible(n)], len(candidates), bool(proposed))

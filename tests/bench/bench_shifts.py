@@ -24,7 +24,7 @@ VIEWS = 40
 BOARDS = ("CHARUCO_4X4_75_DICT_4X4_50", "GRID_3X3_20_DICT_4X4_50", "CIRCLES_4X7_60")
 FAMILIES = ("DICT_5X5_1000", "DICT_4X4_50", "DICT_APRILTAG_36h11", "tagStandard41h12", "STAG_HD21", *BOARDS)
 FEWEST = 6  # ids of a family that are shown in turn, where it has as many
-LEAST_SIDE_PX = 20  # of a marker that counts: smaller ones tell of the search, not of a convention
+MIN_SIDE_PX = 20  # of a marker that counts: smaller ones tell of the search, not of a convention
 
 
 def offsets_of(detector, family):
@@ -33,7 +33,7 @@ def offsets_of(detector, family):
     for number, view in enumerate(study_views(VIEWS)):
         marker = number % min(FEWEST, count_of(family))
         corners = project(view.K, view.T_cam_world, marker_corners_world(study_marker(family, marker)))
-        if np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).min() < LEAST_SIDE_PX:
+        if np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).min() < MIN_SIDE_PX:
             continue
         count += 1
         image = study_image(study_scene(family, marker), view, 0.0)

@@ -11,7 +11,7 @@ import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 
-MOST_EDITS = 5
+MAX_EDITS = 5
 TOKEN = re.compile(rb"[A-Za-z0-9_.+-]+")
 ODD_TEXTS = (
     b"", b"0", b"-1", b"1", b"3.5", b"1e999", b"-1e-999", b"nan", b".nan", b".inf", b"inf", b"0x1F", b"1_000", b"010",
@@ -45,7 +45,7 @@ class Inputs:
         rng = random.Random(number)
         edits = [
             (rng.choice(self.kinds), rng.random(), rng.random(), rng.choice(self.odd), rng.randrange(256))
-            for _ in range(rng.randint(1, MOST_EDITS))
+            for _ in range(rng.randint(1, MAX_EDITS))
         ]
         return rng.choice(self.files), rng.choice(self.files), edits, self.mended is not None and rng.random() < 0.5
 

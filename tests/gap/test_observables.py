@@ -46,7 +46,7 @@ def test_floors_and_ridges_lie_beside_their_features():
         k = FEATURES.index(name)
         assert (observables.FEATURE_FLOOR[k], observables.FEATURE_RIDGE[k]) == (floor, ridge)
     assert observables.FLOORS["colour"].tolist() == 2 * [0.15, 0.15, 0.15, 0.006, 0.006]
-    assert observables.LEAST_FLOOR[SIGNS.index("ink")] == 0.015
+    assert observables.MIN_SIGN_FLOOR[SIGNS.index("ink")] == 0.015
 
 
 def test_a_state_is_the_features_that_iterations_move():

@@ -68,7 +68,7 @@ def test_a_drawn_board_gives_back_its_pose(name):
     """Signs, origin or order of the board frame would be wrong: the twin's board would lie elsewhere."""
     T = view()
     found = boards.find_board(photograph(BOARDS[name], T), BOARDS[name])
-    assert len(found.image) >= boards.LEAST_POINTS and not found.inverted
+    assert len(found.image) >= boards.MIN_POINTS and not found.inverted
     fitted, _, rms = register_pose(
         found.board, found.image, K, pose_from_plane(found.board, found.image, K), np.full(6, np.inf)
     )

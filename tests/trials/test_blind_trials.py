@@ -49,7 +49,7 @@ def test_verdicts_are_counted_as_the_aims_say(tmp_path):
     assert summary.hits["single effects: the right one first"] == 2
     assert summary.hits["single effects: exactly the right set"] == 1
     assert summary.hits["nothing hidden: something named (false alarm)"] == 1
-    assert summary.hits["held-out gap after the climb at most 1.05 floors"] == 1
+    assert summary.hits["held-out gap after forward selection at most 1.05 floors"] == 1
     assert summary.hits["stated 95 % intervals that hold the truth"] == 1
     assert summary.value["median miss"] == pytest.approx(2.5)  # 0 and 5 standard errors
     # Wilson's interval of 1 in 2

@@ -10,7 +10,7 @@ import pytest
 import photograph_changes
 from find_changes import changes_record
 from photograph_changes import by_one_finder, pixels_of, shines, what_changed
-from register.boards import LEAST_POINTS
+from register.boards import MIN_POINTS
 from register.finders import SECTORS, USUAL
 from trials.diagnose_trial import photograph_sets
 from trials.observe_trial import observe_trial
@@ -66,7 +66,7 @@ def test_what_shows_too_few_points_for_a_pose_is_left_out(kept, tmp_path):
     with np.load(path) as stored:
         arrays = dict(stored)
     points = arrays["pixels"].shape[1]
-    spread = np.linspace(0, points - 1, LEAST_POINTS - 1).round().astype(int)  # enough for a map of all patches
+    spread = np.linspace(0, points - 1, MIN_POINTS - 1).round().astype(int)  # enough for a map of all patches
     arrays["pixels"][0, ~np.isin(np.arange(points), spread)] = np.nan
     np.savez(path, **arrays)
     found = what_changed(photograph_sets(folder), CAMERA, candidates=["lens_blur", "defocus"])

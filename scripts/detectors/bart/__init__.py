@@ -51,7 +51,7 @@ PARAMETERS = {
     "light": "auto",
 }
 
-LEAST_MODULE_PX = 5.0  # modules from which the spread of white is measured: smaller ones have no flat inside
+MIN_MODULE_PX = 5.0  # modules from which the spread of white is measured: smaller ones have no flat inside
 SPREAD_MARKERS = 2  # so many of the largest are enough: each tells the spread to a few thousandths of a pixel
 REGIONS_AT_ONCE = 16  # regions between two looks at the clock
 SHARED_PARTS = 4  # of an image, for two threads: more even their work out, each costs some fifty microseconds
@@ -212,12 +212,12 @@ class Bart:
             return self.light, 0.0
         corners = np.stack([f["corners"] for f in found])
         sizes = np.array([f["size"] for f in found])
-        spread = spread_of_white(grey, self.light, corners, sizes, LEAST_MODULE_PX, SPREAD_MARKERS)
+        spread = spread_of_white(grey, self.light, corners, sizes, MIN_MODULE_PX, SPREAD_MARKERS)
         if abs(spread) < OTHER_LIGHT_PX:
             return self.light, spread
         for k in range(len(found)):
             refine_quad(grey, self.other_light, corners[k].copy(), sizes[k], 2, corners[k])
-        other = spread_of_white(grey, self.other_light, corners, sizes, LEAST_MODULE_PX, SPREAD_MARKERS)
+        other = spread_of_white(grey, self.other_light, corners, sizes, MIN_MODULE_PX, SPREAD_MARKERS)
         return (self.other_light, other) if abs(other) < abs(spread) else (self.light, spread)
 
     def finish(self, grey, found, light_and_spread):

@@ -6,7 +6,7 @@ import numpy as np
 from kernels import njit
 from rig.plates import marker_corners_plate
 
-SURPRISE = 16.8  # squared normalised innovation of a pose that one in a hundred exceeds (chi squared, 6 degrees)
+NIS_GATE = 16.8  # squared normalised innovation of a pose that one in a hundred exceeds (chi squared, 6 degrees)
 MEMORY = 0.85  # of innovations, from frame to frame: white ones then have a lag of (1 - 0.85) / (1 + 0.85) = 0.08
 LAGS = (0.2, 0.45, 0.9)  # from even motion to a filter that is always behind, and beside them
 SHARES = (0.02, 1.0, 30.0)  # how much of the assumed accelerations is then allowed for
@@ -72,10 +72,10 @@ def take_in_pose(x, P, R, t_seen, R_seen, covariance):
     innovation[3:] = small_turn(R_seen @ R.T)
     S = P[:6, :6] + covariance
     normalised = np.linalg.solve(np.linalg.cholesky(S), innovation)
-    surprise = normalised @ normalised
-    if surprise > SURPRISE:
+    nis = normalised @ normalised
+    if nis > NIS_GATE:
         # The marker moved off otherwise than expected: trust the past less, by as much as it was wrong.
-        P = P * (surprise / 6)
+        P = P * (nis / 6)
         S = P[:6, :6] + covariance
     gain = np.linalg.solve(S, P[:6].copy()).T
     x = x + gain @ innovation
@@ -93,7 +93,7 @@ def settle(x, P):
     Foxlin, "Pedestrian tracking with shoe-mounted inertial sensors" (2005): a speed of zero is measured.
     """
     speed, V = x[6:].copy(), P[6:, 6:].copy()
-    if speed @ np.linalg.solve(V, speed) > SURPRISE:
+    if speed @ np.linalg.solve(V, speed) > NIS_GATE:
         return x, P
     none = np.zeros((6, 6))
     for k in range(6):
@@ -167,7 +167,7 @@ class PoseFilter:
         for _ in range(2):
             trial.predict(0.1)
             trial.update([(np.zeros(3), np.array([0.0, 0.0, 5.0]), 0.0)])
-        trial.carry(np.eye(3), np.ones(3), np.eye(3), np.zeros(3), 0.1)
+        trial.coast(np.eye(3), np.ones(3), np.eye(3), np.zeros(3), 0.1)
 
     def predict(self, dt):
         """Move the state on by ``dt`` seconds."""
@@ -215,7 +215,7 @@ class PoseFilter:
         self.branches = branches
         return first
 
-    def carry(self, R, t, rotation, place, dt):
+    def coast(self, R, t, rotation, place, dt):
         """Put the pose (R 3 x 3, t) of ``dt`` seconds ago where a camera's motion (rotation, place) takes it."""
         moved = rotation @ t + place
         self.x = np.concatenate([moved, np.zeros(3), (moved - t) / dt, small_turn(rotation) / dt])

@@ -7,7 +7,7 @@ from kernels import njit
 
 STRAY_PX = 2.0  # RMS of a marker's corners: more, and it does not move with the others
 STRAY_SHARE = 0.3  # of the others' speed: as much may a marker differ and still go with them
-LEAST_MARKERS = 2  # one marker's tilt is too uncertain to tell where another has gone
+MIN_MARKERS = 2  # one marker's tilt is too uncertain to tell where another has gone
 
 
 @njit(cache=True, nogil=True)
@@ -33,11 +33,11 @@ def rigid_motion(points, corners, K, dist):
     points   (m, 4, 3) metres, corners of markers in the last frame's camera
     corners  (m, 4, 2) pixels, where they are seen now
     The pose that reprojects best (Levenberg-Marquardt); markers that move otherwise than most are left out. None where
-    fewer than LEAST_MARKERS agree.
+    fewer than MIN_MARKERS agree.
     """
     good = np.ones(len(points), bool)
     for _ in range(2):
-        if good.sum() < LEAST_MARKERS:
+        if good.sum() < MIN_MARKERS:
             return None
         _, turn, place = cv2.solvePnP(
             points[good].reshape(-1, 3), corners[good].reshape(-1, 2), K, dist, np.zeros(3), np.zeros(3), True

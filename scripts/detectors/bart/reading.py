@@ -25,7 +25,7 @@ BLURRED_MODULE_PX = 3.0  # below it a bit's own level says little
 SURE_BIT = 0.3  # half contrasts from the threshold: a small marker all of whose bits are as sure is read as it is
 LARGEST_MISS = 0.4  # contrasts, of one cell: a bit that is not the code's
 LARGEST_MISFIT = 0.13  # contrasts, RMS over all cells: more, and no code explains what is seen
-LEAST_LEAD = 1.35  # misfit of the next code over that of the best: less, and either may be meant
+MIN_LEAD = 1.35  # misfit of the next code over that of the best: less, and either may be meant
 
 
 @njit(cache=True, nogil=True)
@@ -87,7 +87,7 @@ def read_quads(image, grey, light, quads, size, words, owner, wrong_bits, least_
                     entry, misfit, worst, lead = other
                 elif tiny:
                     refined[:] = quads[k]
-            if misfit > LARGEST_MISFIT or worst > LARGEST_MISS or lead < LEAST_LEAD:
+            if misfit > LARGEST_MISFIT or worst > LARGEST_MISS or lead < MIN_LEAD:
                 entry = NO_CODE
             elif entry != NO_CODE and exact and tiny:
                 fit_small(image, light, refined, size, words[entry])

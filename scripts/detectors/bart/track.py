@@ -33,7 +33,7 @@ class Track:
         self.speed = np.zeros((4, 2))  # pixels a second
         self.before = None  # corners, speed and pose (R, t or None) of the last frame
         self.along = True  # moved with the other markers when last seen
-        self.carried = False  # with the camera, in the present frame
+        self.coasted = False  # with the camera, in the present frame
         self.seen = seen  # in the present frame
         self.confirmed = seen  # False while found in an older frame only
         self.missed = 0  # frames since it was seen
@@ -48,7 +48,7 @@ class Track:
         self.before = self.corners, self.speed, (self.filter.R, self.filter.x[:3]) if known else None
         self.corners = self.corners + dt * self.speed
         self.unseen_s += dt
-        self.seen = self.carried = False
+        self.seen = self.coasted = False
         if self.filter is not None:
             self.filter.predict(dt)
 
@@ -57,14 +57,14 @@ class Track:
         corners, _, (R, t) = self.before
         return points_at(corners, self.filter.square @ R[2] + t[2], K, dist)
 
-    def carry(self, motion, K, dist, dt):
+    def coast(self, motion, K, dist, dt):
         """Go on with the camera's motion (rotation, place) from where the marker was in the last frame."""
         corners, _, (R, t) = self.before
         turn = cv2.Rodrigues(motion[0])[0]
         self.corners = project(self.points_before(K, dist)[None], turn, motion[1], K, dist)[0]
         self.speed = (self.corners - corners) / dt
-        self.filter.carry(R, t, *motion, dt)
-        self.carried = True
+        self.filter.coast(R, t, *motion, dt)
+        self.coasted = True
 
     def see(self, corners):
         """Take in the corners measured in the present frame."""
@@ -74,11 +74,11 @@ class Track:
         self.corners = corners
         self.seen = self.confirmed = True
         self.missed, self.unseen_s = 0, 0.0
-        self.carried = False
+        self.coasted = False
 
     def miss(self):
         """Note that the marker was not seen: it goes on, ever more slowly where nothing tells how."""
         self.missed += 1
-        if not self.carried:
+        if not self.coasted:
             self.speed = 0.9 * self.speed
         self.poses = []

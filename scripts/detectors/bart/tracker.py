@@ -12,7 +12,7 @@ import numpy as np
 
 from detectors.bart import PARAMETERS, best_of_each, make_detector
 from detectors.bart.filter import PoseFilter
-from detectors.bart.motion import LEAST_MARKERS, goes_along, rigid_motion, sides_moved
+from detectors.bart.motion import MIN_MARKERS, goes_along, rigid_motion, sides_moved
 from detectors.bart.track import Track, Tracked
 from detectors.contract import DEFAULT_DICTIONARIES, estimate_poses, grey_image
 
@@ -34,8 +34,8 @@ TRACKER_PARAMETERS = {
     # longer that have left. 0 reports only what is seen.
     "bridge_frames": 15,
     # Carry unseen markers on with the camera's motion, told by the markers that are seen (needs K and code_m): right
-    # where markers stand still. False carries each on at its own last speed: right where each moves by itself.
-    "carry": True,
+    # where markers stand still. False lets each coast at its own last speed: right where each moves by itself.
+    "coast": True,
     # Kalman filter on poses (needs K and code_m); False gives the poses as measured: no lag and more jitter.
     "kalman": True,
     # Choose between the two planar poses by what they were in earlier frames; False takes the better of each frame,
@@ -282,7 +282,7 @@ class Tracker:
         for k in range(0, len(waiting), FOLLOWED_AT_ONCE):
             partial |= self._look_for(grey, waiting[k : k + FOLLOWED_AT_ONCE], start)
         lost = [track for track in waiting if not track.seen and track.looked_for == self.frame]
-        if lost and self.p["carry"] and self.K is not None and self._left(start) > 0:
+        if lost and self.p["coast"] and self.K is not None and self._left(start) > 0:
             self._look_for(grey, self._carry(lost), start)
         for track in waiting:
             if not track.seen:
@@ -313,7 +313,7 @@ class Tracker:
     def _carry(self, lost):
         """Move lost tracks with the camera, as far as they went with it before; return those worth another look."""
         seen = [t for t in self.tracks if t.seen and t.before is not None and t.before[2] is not None]
-        if len(seen) < LEAST_MARKERS:
+        if len(seen) < MIN_MARKERS:
             return []
         points = np.stack([t.points_before(self.K, self.dist) for t in seen])
         motion = rigid_motion(points, np.stack([t.corners for t in seen]), self.K, self.dist)
@@ -330,7 +330,7 @@ class Tracker:
             if not track.along:
                 continue
             expected = track.corners
-            track.carry(motion, self.K, self.dist, self.dt)
+            track.coast(motion, self.K, self.dist, self.dt)
             side = np.linalg.norm(expected[1] - expected[0])
             if np.linalg.norm((track.corners - expected).mean(axis=0)) > LOOK_AGAIN_SIDES * side:
                 elsewhere.append(track)
@@ -355,6 +355,6 @@ class Tracker:
         corners, pose = track.corners, (None, None)
         if track.filter is not None and track.filter.x is not None:
             pose = track.filter.pose()
-            if not track.seen and not track.carried and self.p["kalman"]:
+            if not track.seen and not track.coasted and self.p["kalman"]:
                 corners = track.filter.corners()
         return Tracked(track.name, track.id, corners, track.seen, track.poses, *pose)

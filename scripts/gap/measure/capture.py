@@ -18,11 +18,11 @@ COLOUR_RIDGE = RIDGES["colour"][: N_COLOUR // 2]  # of red; blue's is the same
 WINDOW_PAD_PX, COLOUR_PAD_PX = 5, 8  # that are looked at beyond a plate, beyond a code for its colours
 COARSE_TO_FINE = np.array([4, 1, 0])
 FINE = np.array([0])
-FARTHEST_PX = 25.0
+MAX_PX_OFF = 25.0
 REPEATS, CHANCE = 2, 2.0  # measurements with noise added; the mean square that they reach once in a hundred times
 LARGEST_NOISE_VARIANCE, SMALLEST_NOISE_VARIANCE = 4.0, 0.05  # squared grey levels, by which plates are weighted
-MOST_AMPLIFIED = 4.0  # noise of a plate that is used
-LEAST_CONTRAST = 0.2  # of the nominal: to the noise of a black or saturated image a small faint plate fits
+MAX_AMPLIFIED = 4.0  # noise of a plate that is used
+MIN_CONTRAST = 0.2  # of the nominal: to the noise of a black or saturated image a small faint plate fits
 WORST_MISFIT = 0.15  # of the contrast: a fit to something else than the plate leaves more, any effect less
 
 
@@ -159,10 +159,10 @@ def measure_one(grey, state, codes, i, radii=FINE):
     """Return (features (19,), information (19, 19), whether it was measured) of plate i in a grey image."""
     f, information, _, variance, _, ok = measure_plate(
         grey, np.ascontiguousarray(state), codes.half_code[i], codes.half_plate[i], codes.beyond,
-        codes.rectangles[i], codes.levels, codes.lut, radii, FARTHEST_PX,
+        codes.rectangles[i], codes.levels, codes.lut, radii, MAX_PX_OFF,
     )  # fmt: skip
     contrast = codes.contrast_dn + f[WHITE] - f[BLACK]
-    if ok and contrast > LEAST_CONTRAST * codes.contrast_dn and np.sqrt(variance) < codes.worst_misfit * contrast:
+    if ok and contrast > MIN_CONTRAST * codes.contrast_dn and np.sqrt(variance) < codes.worst_misfit * contrast:
         return f, information, True
     return np.full(N_FEATURES, np.nan), np.zeros((N_FEATURES, N_FEATURES)), False
 
@@ -314,9 +314,9 @@ def observe(image, starts, wanted, codes, radii, regions_of):
     grey = grey_of(image)
     features, information, measured = measure_plates(grey, states_at(starts, codes), wanted, codes, radii)
     amplified = noise_amplification(grey, features, information, measured, codes)
-    information = information / np.minimum(amplified, MOST_AMPLIFIED)[:, None, None] ** 2
+    information = information / np.minimum(amplified, MAX_AMPLIFIED)[:, None, None] ** 2
     corners = corners_in(features)
-    measured = agreeing(starts, corners, measured & (amplified < MOST_AMPLIFIED))
+    measured = agreeing(starts, corners, measured & (amplified < MAX_AMPLIFIED))
     colour = measure_colour(image, corners, measured, codes)
     regions = regions_of(corners, measured)
     plates, wanted = np.flatnonzero(measured), np.flatnonzero(regions[:, 2])

@@ -3,7 +3,7 @@
 import numpy as np
 
 SMALLEST_SIDE_PX = 7.0  # of the code: a module is then one pixel
-FARTHEST_FOLLOWED_PX = 80.0
+MAX_FOLLOWED_PX = 80.0
 FEWEST_TO_FOLLOW = 4  # plates
 
 
@@ -55,7 +55,7 @@ def follow_neighbours(points, starts, corners, measured):
         solution = np.linalg.lstsq(A * weight[:, None], moved * weight[:, None], rcond=None)[0]
         weight = 1 / np.sqrt(1 + ((moved - A @ solution) ** 2).sum(1))
     shift = (powers(points.reshape(-1, 2)) @ solution).reshape(points.shape)
-    return points + np.clip(shift, -FARTHEST_FOLLOWED_PX, FARTHEST_FOLLOWED_PX)
+    return points + np.clip(shift, -MAX_FOLLOWED_PX, MAX_FOLLOWED_PX)
 
 
 def agreeing(starts, corners, measured):

@@ -16,7 +16,7 @@ WHITE, BLACK, GROUND, SLOPE_U, SLOPE_V = range(N_FEATURES)[LEVELS]
 SPREAD_X, SPREAD_Y, SPREAD_XY, OVERSHOOT, INK, RIM = range(N_FEATURES)[EDGES]
 N_STATE = len(STATE_FEATURES)
 RIM_STEP_PX = 0.25  # of the difference that says how the plate's outline moves
-FARTHEST_RIM = 1.5  # of the plate's half side
+MAX_RIM = 1.5  # of the plate's half side
 DEPTH = 4  # iterations whose changes lead the next
 PX_PER_LEVEL = 0.02  # how much a grey level counts beside a pixel there
 COARSE_ITERATIONS, FINE_ITERATIONS = 5, 30
@@ -288,7 +288,7 @@ def measure_plate(image, start, half_code, half_plate, beyond, rectangles, level
         for n in range(COARSE_ITERATIONS if radius > 0 else FINE_ITERATIONS):
             corners = state[CORNERS].copy().reshape(4, 2)
             outline = half_plate + state[STATE_RIM] / px_per_m(corners, half_code)
-            outline = min(max(outline, half_code), FARTHEST_RIM * half_plate)
+            outline = min(max(outline, half_code), MAX_RIM * half_plate)
             x0, y0, x1, y1 = plate_window(code_homography(corners, half_code), outline, 3 + 2 * radius)
             x0, y0, x1, y1 = max(x0, 0), max(y0, 0), min(x1, image.shape[1]), min(y1, image.shape[0])
             if x1 - x0 < 8 or y1 - y0 < 6 or x1 - x0 > LARGEST_PX or y1 - y0 > LARGEST_PX:

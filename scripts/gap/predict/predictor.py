@@ -34,7 +34,7 @@ from job import seed_of
 KEPT = 4000  # predictions, some 20 kB each
 SCENES_KEPT = 7  # windows with all steps of their image formation, 10 to 250 MB each: those of a fit and one more
 DRAWN_KEPT = 24  # channels of windows, some 5 MB each: those of the captures of a fit at one pose and one more
-FARTHEST_OFF_PX = 400.0  # beyond the frame: what lies farther off is not looked at
+MAX_OFF_PX = 400.0  # beyond the frame: what lies farther off is not looked at
 CLEAR_PX = 14  # of ground that is taken for ground, about a plate
 
 
@@ -146,10 +146,10 @@ class Shown:
         view = self.capture.view
         size = np.array([view.width, view.height])
         with np.errstate(invalid="ignore"):
-            near = ((self.exact > -FARTHEST_OFF_PX) & (self.exact < size + FARTHEST_OFF_PX)).all((1, 2))
+            near = ((self.exact > -MAX_OFF_PX) & (self.exact < size + MAX_OFF_PX)).all((1, 2))
             sides = np.linalg.norm(self.exact - np.roll(self.exact, -1, axis=1), axis=-1)
         measured = self.observation.measured
-        return np.flatnonzero(measured & near & (sides.min(1) > 1.0) & (sides.max(1) < FARTHEST_OFF_PX))
+        return np.flatnonzero(measured & near & (sides.min(1) > 1.0) & (sides.max(1) < MAX_OFF_PX))
 
     def _regions(self):
         """Return the cells whose regions are looked at."""

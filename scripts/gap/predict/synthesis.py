@@ -15,7 +15,7 @@ from rig.plates import cell_rectangles, disc_changes
 
 EDGE_STEP_PX = 8.0  # edges bent by a lens are drawn in straight pieces no longer than this
 DISC_SAGITTA_PX = 0.002  # between a disc and the polygon of its area: under a grey level at the hardest edge
-FARTHEST_GROUND_M = 1e3
+MAX_GROUND_M = 1e3
 GROUND_STEP_PX, GROUND_OFF_PX = 8, 1e-3  # of the grid on which a lens is inverted for the ground's light, and how well
 
 
@@ -239,9 +239,9 @@ def ground_seen_at(view, map_points, x, y):
     R, t = view.T_cam_world[:3, :3], view.T_cam_world[:3, 3]
     centre, R = (-R.T @ t).tolist(), R.tolist()  # Python's numbers leave float32 what it is
     along_x, along_y, along_z = (R[0][k] * x + R[1][k] * y + R[2][k] for k in range(3))
-    distance = np.full_like(x, FARTHEST_GROUND_M)
+    distance = np.full_like(x, MAX_GROUND_M)
     down = along_z < -1e-6
-    distance[down] = np.minimum(-centre[2] / along_z[down], FARTHEST_GROUND_M)
+    distance[down] = np.minimum(-centre[2] / along_z[down], MAX_GROUND_M)
     return centre[0] + distance * along_x, centre[1] + distance * along_y
 
 
