@@ -9,6 +9,7 @@ from cases import case_of_several, generated_case
 from diagnose_camera import ranked
 from effects import library, pipeline
 from gap.discrete import Discrete
+from gap.exchange import one_of
 from gap.outcome import Selection, Step, outcome_of
 from gap.residuals import LOST_PLATE, flatten
 from gap.score import overall_gap
@@ -316,6 +317,20 @@ def test_a_curve_gives_way_to_what_it_only_mimics(tmp_path, hidden, simpler):
     assert instead.twin.names == named(instead)
     of_the_curve = ("ink_reflectance",)  # doubles that are not another effect's
     assert instead.steps[0].confused_with == (() if simpler else of_the_curve)
+
+
+@pytest.mark.parametrize(
+    ("hidden", "other", "one_of_both"),
+    [("fixed_pattern_noise", "sensor_noise", True), ("sensor_noise", "fixed_pattern_noise", False)],
+)
+def test_what_does_as_well_in_a_rigs_last_twin_stands_for_the_name(tmp_path, hidden, other, one_of_both):
+    """Fails if an effect that is not fitted in the other's place, or costs what a name does, would stand for it: a pattern is
+    noise within one image, noise that repeats in no image is no pattern.
+    """
+    search = Search(case_of_several(tmp_path, [hidden]))
+    start = {name: search.problem.starts_of(name)[0] for name in (hidden, other)}
+    twin = search.fitted([(hidden, start[hidden])])
+    assert one_of(search, twin, hidden, [(other, start[other])]) == ((hidden, other) if one_of_both else ())
 
 
 def test_what_moves_points_far_is_told_together(tmp_path):
