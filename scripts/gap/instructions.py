@@ -24,11 +24,6 @@ class Instruction:
     pose: Callable | None = None
     exposure: float = 1.0
 
-    @property
-    def is_more_of_the_same(self):
-        """Whether further photographs are like those that there are."""
-        return self.pose is None and self.exposure == 1.0
-
     def views(self, views, middle):
         """Return some effects.base.View of a board whose middle (3,) is known, from where the instruction has the camera."""
         if self.pose is None:
@@ -70,13 +65,18 @@ def _at(share):
     return moved
 
 
-INSTRUCTIONS = (  # what is asked for first is easiest
+# What is asked for first is easiest
+TURNS = (
     Instruction("roll the camera by 90 degrees for some photographs", _rolled),
     Instruction("hold the board at 45 degrees to the camera, turned to each side", _aslant),
+)
+PLACES = (
     Instruction("bring the board into each corner of the image", _in_a_corner),
     Instruction("halve the distance in some photographs", _at(0.5)),
     Instruction("double the distance in some photographs", _at(2.0)),
+)
+EXPOSURES = (
     Instruction("expose some photographs for a quarter of the time", exposure=0.25),
     Instruction("expose some photographs for twice the time", exposure=2.0),
-    Instruction("take twice as many photographs"),
 )
+MORE = Instruction("take twice as many photographs")

@@ -11,7 +11,7 @@ import numpy as np
 
 from effects import library
 from gap.derivatives import POSE_STEP, flat
-from gap.instructions import FURTHER, INSTRUCTIONS
+from gap.instructions import FURTHER, MORE, PLACES, TURNS
 from gap.parameters import fitted_parameters, get_parameter, priors_of, small_step, spec, with_parameters
 from gap.search import MIN_GAIN
 from gap.select_effects import is_flexible
@@ -46,7 +46,7 @@ def cannot_tell(search, twin, names):
 class OfPoints:
     """What a board's points tell in photographs [(Capture, pose)] of a search: maps of points are exact, poses are free."""
 
-    instructions = tuple(i for i in INSTRUCTIONS if i.exposure == 1.0)  # points are where they are in any light
+    instructions = (*TURNS, *PLACES, MORE)  # points are where they are in any light
     each, tries = 1.0, 1  # times that each photograph counts, further ones that must do by themselves
 
     def __init__(self, search, twin):
@@ -173,7 +173,7 @@ class Told:
 
     def _brought_by(self, instruction, k):
         """Return the information (k, k) that the photographs of an Instruction add, in a try of several."""
-        if instruction.is_more_of_the_same:
+        if instruction is MORE:
             return self.taken
         if (instruction, k) not in self._brought:
             self._brought[instruction, k] = self._information(*self.look.further(instruction, k))

@@ -7,26 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from gap.instructions import FURTHER, INSTRUCTIONS
-from gap.needs import Told
+from gap.instructions import EXPOSURES, FURTHER, MORE, PLACES
+from gap.needs import CLEAR, Told
 from gap.parameters import get_parameter, image_step, with_parameters
 from gap.signature import MIN_PATCHES
 from gap.signature_case import NumbersOf
 from gap.split import thinned
 from rig.light import LIGHT, exposed
 
-LOOKED_AT, NEW = (
-    3,
-    2,
-)  # photographs that stand for all of them, and any of which for FURTHER new ones: each costs a second
-OF_LIGHT = (
-    "gain",
-    "red",
-    "blue",
-    "stray",
-    "stray_red",
-    "stray_blue",
-)  # what signs follow: slopes are taken out of them
+LOOKED_AT = 2  # photographs that stand for all of them, in as few patches as tell something: each costs a second or two
+AT_MOST = 20.0  # times as much as one that there is, that a further photograph tells: what needs more is not tried for
+# What signs follow of a photograph's light: slopes are taken out of them
+OF_LIGHT = ("gain", "red", "blue", "stray", "stray_red", "stray_blue")
 LIGHT_STEP = 0.02  # for a derivative: levels are whole numbers
 SIGMA_LIGHT = 1.0  # of a photograph's own gains (logarithms) and stray light (white is 1), which nobody declares
 
@@ -37,7 +29,9 @@ def cells_cannot_tell(search, twin):
     """
     told = Told(search, twin, search.candidates, OfCells)
     hidden = told.hidden()
-    needs = told.of_fewer(hidden).needs(hidden)
+    times = 1 + AT_MOST * FURTHER / told.look.number
+    likely = [n for n in hidden if times * told.seen(n) >= CLEAR]
+    needs = told.of_fewer(likely).needs(likely)
     return hidden, {}, [need for need in needs if need]
 
 
@@ -47,14 +41,14 @@ class OfCells:
     A further photograph counts as so many, and another must do as well: what only one would tell is its own chance.
     """
 
-    instructions, tries = INSTRUCTIONS, 2
+    instructions, tries = (*PLACES, *EXPOSURES, MORE), 2  # how a camera is turned blurs and dims nothing
 
     def __init__(self, search, twin):
         self.problem = search.problem
         self.counted, self.floor = search.problem.floors
         every = [search.problem.twins[i] for i in sorted({*search.train, *search.test})]
-        self.photographs = thinned(every, LOOKED_AT)
-        self.each = len(every) / len(self.photographs)
+        self.photographs = [p.fewer(MIN_PATCHES) for p in thinned(every, LOOKED_AT)]
+        self.number, self.each = len(every), len(every) / len(self.photographs)
 
     def derivatives(self, effects, free, photograph):
         """Return d signs by the free parameters (n, k) and by the photograph's own light (n, q), in floors; the last q rows are

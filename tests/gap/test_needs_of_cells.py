@@ -1,6 +1,7 @@
 """What a board's cells cannot tell, and which further photographs would: drawn ones, so that what is hidden is known."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,25 +12,26 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "bench"))
 
 from diagnose_patches import both_looks  # noqa: E402
 from effects import library  # noqa: E402
-from gap.instructions import FURTHER, INSTRUCTIONS  # noqa: E402
+from gap.instructions import EXPOSURES, FURTHER, MORE, PLACES  # noqa: E402
 from gap.needs import CLEAR, Told  # noqa: E402
 from gap.needs_of_cells import OfCells, cells_cannot_tell  # noqa: E402
 from gap.search import Search  # noqa: E402
 from gap.signature import SIGNS  # noqa: E402
+from gap.signature_case import OF_GROUP  # noqa: E402
 from reporting.sentences import needs_words  # noqa: E402
 from retaken_board import signatures_of  # noqa: E402
 from rig.light import LIGHT, exposed  # noqa: E402
 
 COMPETING = ["exposure", "field_curvature", "lens_blur", "sensor_noise", "veiling_glare", "vignetting"]
-MORE = "take twice as many photographs"
-CORNERS = "bring the board into each corner of the image"
+CORNERS = PLACES[0].words
 
 
 @pytest.fixture(scope="module")
 def photographs():
-    """Return (Search, Twin) of photographs by a camera with noise, which the twin has."""
-    search = Search(signatures_of({"sensor_noise": {"full_well_e": 3000.0, "read_noise_e": 12.0}}, 6), COMPETING)
-    return search, search.fitted([("sensor_noise", library.starts_of("sensor_noise")[0])])
+    """Return (Search, Twin) of photographs by a camera with noise, which the twin has; a fifth more than floors is left open."""
+    search = Search(signatures_of({"sensor_noise": {"full_well_e": 3000.0, "read_noise_e": 12.0}}, 4), COMPETING)
+    twin = search.fitted([("sensor_noise", library.starts_of("sensor_noise")[0])])
+    return search, replace(twin, floors=dict.fromkeys(OF_GROUP, twin.gap / 1.2))
 
 
 def test_what_cells_hide_is_said_with_what_would_show_it(photographs):
@@ -59,21 +61,21 @@ def test_what_one_further_photograph_alone_shows_is_chance(photographs):
     def seen(more):
         return told.seen("field_curvature", more)
 
-    nothing, lucky = ([], FURTHER), (told.look.photographs, 100.0)
+    nothing, lucky = ([], FURTHER), (told.look.photographs, 1000.0)
     told.look.further = lambda instruction, k: (lucky, nothing)[k]
-    assert told.need("field_curvature", "", CLEAR, seen)["text"].endswith(MORE)  # the same again is no luck
+    assert told.need("field_curvature", "", CLEAR, seen)["text"].endswith(MORE.words)  # the same again is no luck
     assert told.need("field_curvature", "", 40 * CLEAR, seen) is None
     told.look.further, told._brought = lambda instruction, k: lucky, {}
-    assert told.need("field_curvature", "", 40 * CLEAR, seen)["text"].endswith(INSTRUCTIONS[0].words)
+    assert told.need("field_curvature", "", 40 * CLEAR, seen)["text"].endswith(CORNERS)
 
 
 def test_further_photographs_are_as_the_instruction_says(photographs):
     """Fails if a photograph from half the distance shows cells as small, or a shorter exposure leaves the light as it was."""
     look = OfCells(*photographs)
-    by_words = {i.words: i for i in INSTRUCTIONS}
+    _, half, double = PLACES
 
-    def first(words):
-        (of_one,), times = look.further(by_words[words], 0)
+    def first(instruction):
+        (of_one,), times = look.further(instruction, 0)
         assert times == FURTHER
         return of_one
 
@@ -82,9 +84,9 @@ def test_further_photographs_are_as_the_instruction_says(photographs):
         return np.median(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2))
 
     plain = look.photographs[0]
-    assert side_px(first("halve the distance in some photographs")) > 1.7 * side_px(plain)
-    assert side_px(first("double the distance in some photographs")) < 0.6 * side_px(plain)
-    dark = first("expose some photographs for a quarter of the time")
+    assert side_px(first(half)) > 1.7 * side_px(plain)
+    assert side_px(first(double)) < 0.6 * side_px(plain)
+    dark = first(EXPOSURES[0])
     np.testing.assert_allclose(dark.light, exposed(plain.light, 0.25))
     assert dark.light[LIGHT.index("gain")] == pytest.approx(plain.light[LIGHT.index("gain")] - np.log(4))
     assert np.median(dark.levels()) < 0.7 * np.median(plain.levels())
