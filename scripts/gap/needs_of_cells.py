@@ -16,7 +16,9 @@ from gap.split import thinned
 from rig.light import LIGHT, exposed
 
 LOOKED_AT = 2  # photographs that stand for all of them, in as few patches as tell something: each costs a second or two
-MAX_TIMES_TOLD = 20.0  # times as much as one that there is, that a further photograph tells: what needs more is not tried for
+MAX_TIMES_TOLD = (
+    20.0  # times as much as one that there is, that a further photograph tells: what needs more is not tried for
+)
 # What signs follow of a photograph's light: slopes are taken out of them
 OF_LIGHT = ("gain", "red", "blue", "stray", "stray_red", "stray_blue")
 LIGHT_STEP = 0.02  # for a derivative: levels are whole numbers

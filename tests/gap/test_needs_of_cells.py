@@ -15,9 +15,8 @@ from effects import library  # noqa: E402
 from gap.instructions import EXPOSURES, FURTHER, MORE, PLACES  # noqa: E402
 from gap.needs import CLEAR, Told  # noqa: E402
 from gap.needs_of_cells import OfCells, cells_cannot_tell  # noqa: E402
+from gap.observables import SIGNS, SIGNS_OF_GROUP  # noqa: E402
 from gap.search import Search  # noqa: E402
-from gap.signature import SIGNS  # noqa: E402
-from gap.signature_case import OF_GROUP  # noqa: E402
 from reporting.sentences import needs_words  # noqa: E402
 from retaken_board import signatures_of  # noqa: E402
 from rig.light import LIGHT, exposed  # noqa: E402
@@ -31,7 +30,7 @@ def photographs():
     """Return (Search, Twin) of photographs by a camera with noise, which the twin has; a fifth more than floors is left open."""
     search = Search(signatures_of({"sensor_noise": {"full_well_e": 3000.0, "read_noise_e": 12.0}}, 4), COMPETING)
     twin = search.fitted([("sensor_noise", library.starts_of("sensor_noise")[0])])
-    return search, replace(twin, floors=dict.fromkeys(OF_GROUP, twin.gap / 1.2))
+    return search, replace(twin, floors=dict.fromkeys(SIGNS_OF_GROUP, twin.gap / 1.2))
 
 
 def test_what_cells_hide_is_said_with_what_would_show_it(photographs):
