@@ -3,7 +3,7 @@
 import numpy as np
 
 from gap.residuals import GROUPS
-from gap.score import excess_of, group_gaps
+from gap.score import excess_of, gap_error, group_gaps
 
 MIN_SHARE = 0.15  # of what is left above the floor, that a candidate must gain: less is a patch on a wrong form
 MIN_SHARE_OF_GROUP = 0.6  # of the excess of one group of observables, that is enough as well
@@ -46,21 +46,27 @@ def closes_a_good_share(twin, group, before):
 
 def residue_of(twin, group, before, floor_within=1.0):
     """Return {group: gap in floors} of a group of observables that a twin closes but leaves above the floor, {} of any other."""
-    gap = group_gaps(twin.groups, twin.floors).get(group, 0.0)
-    return {group: gap} if gap > MAX_FLOOR_GAP * floor_within and not is_open(twin, group, before) else {}
+    of_group = {i: {group: g[group]} for i, g in twin.groups.items() if group in g}
+    gap = group_gaps(of_group, twin.floors).get(group, 0.0)
+    left = is_above_floor(gap, gap_error(of_group, twin.floors), floor_within) and not is_open(twin, group, before)
+    return {group: gap} if left else {}
+
+
+def is_above_floor(gap, error, floor_within):
+    """Return whether a gap, in units of a floor that is known to a factor, is above it, its standard error allowed for.
+
+    A gap that captures disagree about is no smaller for that: the error is allowed for up to ``MAX_ALLOWANCE`` only.
+    """
+    return gap - min(2 * np.nan_to_num(error), MAX_ALLOWANCE) > MAX_FLOOR_GAP * floor_within
 
 
 def verdict_of(steps, twin, share_left=1.0, floor_within=1.0):
     """Return ``adequate``, ``explained`` or ``unexplained`` from the steps taken and the gap that is left.
 
-    A gap that captures disagree about is no smaller for that: the error is allowed for up to ``MAX_ALLOWANCE`` only.
     ``share_left`` is what was left of the first excess: effects have the right name before they have the last form.
     ``floor_within`` is the factor to which the floor is known.
     """
     nearly_closed = steps and share_left < CLOSED and twin.gap < MAX_CLOSED_GAP
-    if (
-        twin.gap - min(2 * np.nan_to_num(twin.gap_se), MAX_ALLOWANCE) > MAX_FLOOR_GAP * floor_within
-        and not nearly_closed
-    ):
+    if is_above_floor(twin.gap, twin.gap_se, floor_within) and not nearly_closed:
         return "unexplained"
     return "explained" if steps else "adequate"

@@ -93,6 +93,18 @@ def test_what_a_form_leaves_is_told_of_a_group_that_was_closed(gap, before, floo
     assert found == ({"edges": pytest.approx(gap)} if is_told else {})
 
 
+@pytest.mark.parametrize(
+    ("gaps", "is_told"),
+    [((1.15, 1.15), True), ((0.95, 1.35), False), ((0.9, 1.6), True)],
+    ids=["captures agree", "a little, captures do not", "more than an error excuses"],
+)
+def test_what_captures_disagree_about_is_no_residue_if_it_is_little(gaps, is_told):
+    """Fails if two errors of a group's gap, 0.1 at most, are not allowed for as the verdict does, or excuse all that is left."""
+    groups = {i: twin_with_gaps(edges=gap).groups[0] for i, gap in enumerate(gaps)}
+    last = replace(base_twin(), groups=groups, floors={"edges": 0.5})
+    assert bool(residue_of(last, "edges", {"edges": 1e4})) == is_told
+
+
 def test_the_first_of_a_groups_steps_has_its_residue():
     """Fails if a residue is told of each effect that changes a group a little, or of a group whose first step is another's."""
     first, last = twin_with_gaps(edges=20.0, levels=20.0, noise=20.0), twin_with_gaps(edges=1.3, levels=1.2, noise=1.0)
