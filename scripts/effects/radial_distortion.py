@@ -13,8 +13,8 @@ STAGE, ORDER = "lens", 10
 AFFECTS = "geometry"
 PARAMETERS = {
     "k1": Parameter(unit="1", lower=-1.0, upper=1.0, null=0.0, matters=0.003, doc="second-order coefficient"),
-    "k2": Parameter(unit="1", lower=-2.0, upper=2.0, null=0.0, matters=0.003, doc="fourth-order coefficient"),
-    "k3": Parameter(unit="1", lower=-3.0, upper=3.0, null=0.0, matters=0.003, doc="sixth-order coefficient"),
+    "k2": Parameter(unit="1", lower=-10.0, upper=10.0, null=0.0, matters=0.003, doc="fourth-order coefficient"),
+    "k3": Parameter(unit="1", lower=-30.0, upper=30.0, null=0.0, matters=0.003, doc="sixth-order coefficient"),
 }
 
 
