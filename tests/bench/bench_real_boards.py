@@ -2,7 +2,7 @@
 
 Each set is expanded, registered, observed and diagnosed by its points and its cells as the workflow does it. Its left-out photographs are
 also projected by OpenCV's calibration with five coefficients, fitted to the same photographs as the twin. docs/real-photographs.csv
-holds a row a set; without names all are done anew. Figures are recorded (record.py).
+holds a row a set and the commit that made it; without names all are done anew. Figures are recorded (record.py).
 """
 
 import argparse
@@ -39,7 +39,7 @@ from gap.whole_lens import left_out_px, with_whole_lens  # noqa: E402
 from inputs.campaign import Board, load_campaign  # noqa: E402
 from observe_captures import observe_captures  # noqa: E402
 from observe_patches import observe_patches  # noqa: E402
-from record import record  # noqa: E402
+from record import commit_of, record  # noqa: E402
 from register_captures import register_captures  # noqa: E402
 from reporting.sentences import effect_words, or_others, plain  # noqa: E402
 from rig.errors import InputError  # noqa: E402
@@ -73,6 +73,7 @@ COLUMNS = [
     "dn_own_light",
     "told_apart",
     "cpu_s",
+    "commit",
 ]
 HEAD = """# Real photographs
 
@@ -92,7 +93,8 @@ What the program says of sets of photographs by real cameras that others publish
 - **told apart**: area under the ROC curve of a logistic model that tells patches of 32 pixels of left-out photographs from those of
   their twins by fixed features, after it was shown the others'; the nominal twin, and that in each photograph's own light with all
   effects named. 1: always told, 0.5: never.
-- **cannot be told**: effects that would stay unseen at the amount worth naming, and what would show them.
+- **cannot be told**: effects that would stay unseen at the amount worth naming, and what would show them; of cells too in rows since 436ffd4.
+- **commit**: of the code that made the row; a set is done anew by its name.
 
 """
 
@@ -156,6 +158,7 @@ def diagnosed(name, folder):
         "over_opencv_named": f"{left_out_px(search, outcome.twin) / theirs:.3f}",
         **against_photographs(search, outcome.twin, effects, declared, (expand, intrinsics, campaign)),
         "cpu_s": f"{time.process_time() - start:.0f}",
+        "commit": commit_of(ROOT),
     }
 
 
