@@ -36,10 +36,14 @@ class PhotographsCase(Case):
         """Return the radiance (rows, columns, 3) under a capture's light, LIGHT (11,), at world x and y (rows, columns)."""
         return lit(radiance, light, *self.place(x, y))
 
+    def patches_in(self, starts, width, height, most):
+        """Return the indices (k,) of so many patches at most, spread over those whose codes (p, 4, 2) a frame shows well."""
+        shown = np.flatnonzero(large_enough(starts, width, height))
+        return spread_out(self.corners[shown].mean(axis=1), shown, most)
+
     def patches_seen(self, image, starts):
         """Return (indices (k,), features (k, 19)) of MAX_PATCHES patches at most, spread over what an image (H, W, C) shows."""
-        wanted = np.flatnonzero(large_enough(starts, image.shape[1], image.shape[0]))
-        wanted = spread_out(self.corners[wanted].mean(axis=1), wanted, MAX_PATCHES)
+        wanted = self.patches_in(starts, image.shape[1], image.shape[0], MAX_PATCHES)
         tried = np.isin(np.arange(len(starts)), wanted)
         states = states_at(np.nan_to_num(starts), self.codes)
         features, _, measured = measure_plates(grey_of(image), states, tried, self.codes, COARSE_TO_FINE)

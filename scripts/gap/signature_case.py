@@ -13,10 +13,8 @@ import numpy as np
 
 from effects import library, pipeline
 from effects.encoding import srgb_decode
-from gap.measure.places import large_enough
 from gap.observables import CORNERS, MIN_SIGN_FLOOR, SIGNS, SIGNS_OF_GROUP, corners_in
 from gap.parameters import get_parameter, image_step, with_parameters
-from gap.photographs import spread_out
 from gap.predict.predictor import Kept
 from gap.predict.synthesis import ground_seen_at, shade, window_coverages
 from gap.signature import MIN_PATCHES, Photograph
@@ -169,8 +167,7 @@ class SignatureCase:
         """
         capture = replace(self.board.captures[0], view=view)
         corners = self.board.corners_of(capture, list(self.given), np.zeros(6))
-        seen = np.flatnonzero(large_enough(corners, view.width, view.height))
-        plates = spread_out(self.board.corners[seen].mean(axis=1), seen, len(twin.plates))
+        plates = self.board.patches_in(corners, view.width, view.height, len(twin.plates))
         if len(plates) < MIN_PATCHES:
             return None
         features = np.tile(np.median(twin.features, axis=0), (len(plates), 1))
