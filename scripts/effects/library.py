@@ -115,6 +115,11 @@ def sharpens(name):
     return min(_noise_powers(name), default=1) > 1
 
 
+def undoes(name, other):
+    """Return whether an effect is a filter that sharpens, and another spreads light: together neither shows much."""
+    return sharpens(name) and affects(other) == "point_spread"
+
+
 def _noise_powers(name):
     """Return what a filter of images leaves of the power of white noise, at each of its starts; none of what is no filter."""
     module = effect_named(name)

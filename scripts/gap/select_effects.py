@@ -9,7 +9,7 @@ from itertools import groupby
 import numpy as np
 
 from effects import library
-from gap.exchange import is_simple, loss_of, short_fit
+from gap.exchange import in_place, is_simple, loss_of, short_fit
 from gap.joint_way import MANY, all_at_once
 from gap.outcome import Selection, Step, in_last_twin, outcome_of, twins_on_the_way, without_unneeded
 from gap.search import (
@@ -29,6 +29,7 @@ from gap.standing import (
     MAX_FLOOR_GAP,
     MIN_SHARE,
     closes_a_good_share,
+    has_good_share,
     is_at_floor,
     is_enough,
     is_open,
@@ -105,7 +106,7 @@ def _one_by_one(selection, base, first, before, together):
         best = together
     on_another_way = best.share_left < CLOSED or (ways and is_open(best.twin, ways[0].main_group, before))
     for way in ways[1:] if on_another_way else []:
-        if _is_good(selection, best) or selection.is_spent():
+        if _is_good(selection.search.problem, best, before) or selection.is_spent():
             break
         other = path(selection, base, first, before, way.effect)
         if other.share_left < 0.5 * best.share_left:  # the way of the best steps has the benefit
@@ -113,14 +114,14 @@ def _one_by_one(selection, base, first, before, together):
     return best
 
 
-def _is_good(selection, outcome):
-    """Return whether no other way is tried beside an Outcome's."""
-    return outcome.verdict == "explained" if selection.search.problem.is_of_signs else outcome.is_closed
-
-
-def _is_explained(search, steps, twin, before):
-    """Return whether the verdict on a twin would end a way, the first excess ``before`` taken into account."""
-    return outcome_of(search.problem, steps, (), twin, before).verdict != "unexplained"
+def _is_good(problem, outcome, before):
+    """Return whether nothing more is tried beside an Outcome's steps, the first excess ``before``: of signs, whose floors are
+    seldom reached, where the verdict explains and no group is open that had a good share.
+    """
+    if not problem.is_of_signs:
+        return outcome.is_closed
+    open_ones = [g for g in before if has_good_share(g, before) and is_open(outcome.twin, g, before)]
+    return outcome.verdict != "unexplained" and not open_ones
 
 
 def path(selection, base, first, before, start_with=None, taken=()):
@@ -135,8 +136,11 @@ def path(selection, base, first, before, start_with=None, taken=()):
     steps, candidates, names = list(taken), rank(first), [c.effect for c in first]
     while not selection.is_spent():
         missing = [c for c in candidates if is_missing_from(search, twin, c)]
-        if not missing and search.problem.is_of_signs and not _is_explained(search, steps, twin, before):
-            candidates = try_by_short_fits(search, twin, candidates)
+        if not missing and search.problem.is_of_signs:
+            here = outcome_of(search.problem, steps, (), twin, before)
+            candidates = (
+                candidates if _is_good(search.problem, here, before) else try_by_short_fits(search, twin, candidates)
+            )
             missing = [c for c in candidates if is_missing_from(search, twin, c)]
         if not missing:
             break
@@ -294,12 +298,20 @@ def try_by_short_fits(search, twin, candidates):
     enough = without.loss - MIN_GAIN / MAX_UNDERSTATED * len(probes(search.train)) / len(search.train)
     for name in (c.effect for c in candidates if not (c.complete or is_flexible(c.effect))):
         starts = search.problem.starts_of(name)[:MAX_STARTS]
-        effects = [[*twin.effects, (name, start)] for start in starts]
+        effects = [[*beside, (name, start)] for start in starts for beside in _beside(search, twin, name)]
         fits = [short_fit(search, some, twin.poses, SCALE_FROM_START, ITERATIONS_OF_STARTS) for some in effects]
         ends[name] = min(fits, key=loss_of)
     least = sorted((n for n in ends if ends[n].loss < enough), key=lambda n: ends[n].loss)[:MAX_TRIED_WHOLLY]
     tried = [search.try_jointly(twin, n, ends[n].state.effects, ends[n].state.poses) for n in least]
     return rank([*(c for c in candidates if c.effect not in least), *tried])
+
+
+def _beside(search, twin, name):
+    """Return the lists of effects beside which another begins: a twin's own, and those in which what undoes it begins anew."""
+    own = list(twin.effects)
+    undone = [n for n in twin.names if library.undoes(n, name) or library.undoes(name, n)]
+    anew = [in_place(own, n, (n, start)) for n in undone for start in search.problem.starts_of(n)[:MAX_STARTS]]
+    return [own, *anew]
 
 
 def can_be_missing(name, predicted, excess):

@@ -6,20 +6,32 @@ import numpy as np
 import pytest
 from stand_in_twins import twin_with_gaps
 
+from effects import library
 from gap import select_effects
 from gap.outcome import Step, outcome_of
+from gap.search import MAX_STARTS
 
 
-@pytest.mark.parametrize(("is_of_signs", "tried"), [(True, [None]), (False, [None, "defocus", "motion_blur"])])
-def test_a_boards_cells_are_searched_again_only_where_nothing_explains_them(monkeypatch, is_of_signs, tried):
-    """Fails if photographs, whose signs seldom reach their floors, cost another way beside a verdict that explains them, or if
-    a rig's way that closes most and does not reach its floor is the only one.
+@pytest.mark.parametrize(
+    ("is_of_signs", "left", "tried"),
+    [
+        (True, {"levels": 0.1, "edges": 10.0}, [None]),
+        (True, {"levels": 0.1, "edges": 25.0}, [None, "defocus", "motion_blur"]),
+        (True, {"levels": 5.0, "edges": 1.0}, [None]),
+        (False, {"levels": 0.1, "edges": 10.0}, [None, "defocus", "motion_blur"]),
+    ],
+    ids=["cells", "cells, edges open", "cells, few levels open", "a rig"],
+)
+def test_a_boards_cells_are_searched_again_only_where_a_good_share_is_open(monkeypatch, is_of_signs, left, tried):
+    """Fails if photographs, whose signs seldom reach their floors, cost another way beside a verdict that explains them, if none
+    is tried where edges, most of the gap, stay open beside closed noise, or if a rig's way that closes most and does not reach
+    its floor is the only one.
     """
-    ways = []
+    ways, before = [], {"levels": 10.0, "edges": 100.0}
 
     def path(selection, base, first, before, start_with=None):
         ways.append(start_with)
-        return SimpleNamespace(verdict="explained", is_closed=False, share_left=0.1)
+        return SimpleNamespace(verdict="explained", is_closed=False, share_left=0.1, twin=SimpleNamespace(excess=left))
 
     monkeypatch.setattr(select_effects, "path", path)
     monkeypatch.setattr(select_effects, "is_missing_from", lambda *_: True)
@@ -27,8 +39,28 @@ def test_a_boards_cells_are_searched_again_only_where_nothing_explains_them(monk
     search = SimpleNamespace(problem=SimpleNamespace(is_of_signs=is_of_signs))
     first = [SimpleNamespace(effect=n, main_group="edges") for n in ("lens_blur", "defocus", "motion_blur")]
     selection = SimpleNamespace(search=search, is_spent=lambda: False)
-    select_effects._one_by_one(selection, None, first, {}, None)
+    select_effects._one_by_one(selection, None, first, before, None)
     assert ways == tried
+
+
+@pytest.mark.parametrize("there", ["lens_blur", "vignetting"])
+def test_short_fits_begin_what_a_sharpening_undoes_anew(monkeypatch, there):
+    """Fails if a sharpening is fitted only beside the weak blur that stands for both, or if a fall-off begins anew as well."""
+    own, begun = (there, library.nulls_of(there)), []
+
+    def short_fit(search, effects, *_):
+        begun.append(effects)
+        return SimpleNamespace(loss=1000.0)
+
+    monkeypatch.setattr(select_effects, "short_fit", short_fit)
+    search = SimpleNamespace(problem=SimpleNamespace(starts_of=library.starts_of), train=[0, 1, 2, 3])
+    twin = SimpleNamespace(effects=(own,), poses=None, names=[there])
+    select_effects.try_by_short_fits(
+        search, twin, [SimpleNamespace(effect="sharpening", complete=False, gain=0.0, parameters={})]
+    )
+    anew = [(there, start) for start in library.starts_of(there)[:MAX_STARTS]] if there == "lens_blur" else []
+    starts = library.starts_of("sharpening")
+    assert begun == [[own], *([beside, ("sharpening", start)] for start in starts for beside in [own, *anew])]
 
 
 def twin_with_excess(**excess):
