@@ -1,6 +1,7 @@
 """What half and double of each bound of the diagnosis would turn: python tests/bench/bench_bounds.py [KIND/SEED/FIRST-LAST ...]
 
-Without a trial those of TRIALS. Diagnoses blind trials with bounds that keep account (watched.py), a process each, and writes docs/bounds.csv and docs/bounds.md.
+Diagnoses blind trials with bounds that keep account (watched.py), a process each, and writes docs/bounds.csv, which keeps the rows of
+other runs, and docs/bounds.md. Trials given are one run; without any those of RUNS. Real trials are of ../shared/real.
 """
 
 import argparse
@@ -8,7 +9,6 @@ import logging
 import multiprocessing
 import os
 import re
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -19,20 +19,28 @@ sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests/bench")]
 
 import pandas as pd
 
+import job
+from record import commit_of
+
 TABLE, PAGE, METHOD = ROOT / "docs/bounds.csv", ROOT / "docs/bounds.md", ROOT / "docs/method.md"
-TRIALS = [
-    "none/larkspur/3-21", "single/larkspur/6-22", "pair/larkspur/6-21",
-    "whole/yarrow/13", "whole/yarrow/16-17", "whole/yarrow/19-21",
-]  # fmt: skip
+REAL = ROOT.parent / "shared/real"
+RUNS = (
+    "none/larkspur/3-21 single/larkspur/6-22 pair/larkspur/6-21 whole/yarrow/13 whole/yarrow/16-17 whole/yarrow/19-21",
+    "real/fennel/0-11",
+)
 HEAD = """# What half and double of each bound turn
 
-The bounds are those of [method.md](method.md#bounds-set-by-hand). Made by `{command}`
-at {commit} from [bounds.csv](bounds.csv): {trials} blind trials were diagnosed with bounds that keep account of what is compared with
-them. **turned**: comparisons that half (double) of the bound would have decided otherwise, and in how many trials there was one.
+The bounds are those of [method.md](method.md#bounds-set-by-hand). Blind trials were diagnosed with bounds that keep account of what is
+compared with them; [bounds.csv](bounds.csv) has the runs one by one:
+
+{runs}
+
+**turned**: comparisons that half (double) of the bound would have decided otherwise, and in how many trials there was one.
 A decision that turns need not change a name; where none turns, half and double of the bound give the same verdicts in these
-trials. Each bound was looked at alone. `-`: never compared in these trials (what compares photographs is not in them), or what is
-clipped, counted or told with the bound's sign turned, which keeps no account.
+trials. Each bound was looked at alone. `-`: never compared in these trials, or what is clipped, counted or told with the bound's sign
+turned, which keeps no account.
 """
+SUMS = ["compared", "half", "double", "trials_half", "trials_double", "trials"]
 
 
 def bounds_of_method():
@@ -44,19 +52,27 @@ def counted(kind, index, seed):
     """Return {bound: (compared, turned by half, turned by double)} of the diagnosis of one trial."""
     import cv2
 
-    from trials.diagnose_trial import diagnose_case
+    from trials.diagnose_trial import diagnose_case, diagnose_changes
     from trials.generate_trials import generate_trial
     from trials.observe_trial import observe_trial, observed_cases
+    from trials.real_trials import generate_real_trial
     from watched import SCALES, counts, watch
 
     cv2.setNumThreads(1)
     logging.disable()
     watch([module for name, module in sorted(sys.modules.items()) if name.startswith("gap.")], bounds_of_method())
     with tempfile.TemporaryDirectory() as folder:
-        name, _ = generate_trial(Path(folder) / "campaigns", Path(folder) / "truths", kind, index, seed)
-        observe_trial(Path(folder) / "campaigns" / name, Path(folder) / "kept")
+        campaigns, truths, kept = (Path(folder) / part for part in ("campaigns", "truths", "kept"))
+        if kind == "real":
+            name = generate_real_trial(campaigns, truths, REAL, index, seed)
+        else:
+            name, _ = generate_trial(campaigns, truths, kind, index, seed)
+        observe_trial(campaigns / name, kept)
         counts.clear()
-        diagnose_case(observed_cases(Path(folder) / "kept")[0])
+        if kind == "real":
+            diagnose_changes(kept)
+        else:
+            diagnose_case(observed_cases(kept)[0])
     return {bound: (c["compared"], *(c[s] for s in SCALES)) for bound, c in counts.items()}
 
 
@@ -78,15 +94,26 @@ def table_of(found):
     return pd.DataFrame(rows)
 
 
-def page_of(table, command, commit):
+def with_run(table, run, commit, rows):
+    """Return a table with the rows of a run, at a commit, in place of what it said of that run."""
+    rows = rows.assign(run=run, commit=commit)[["run", "commit", *rows.columns]]
+    return pd.concat([table[table.run != run], rows], ignore_index=True)
+
+
+def page_of(table):
     """Return docs/bounds.md as text."""
+    runs = table.drop_duplicates("run")
+    lines = [
+        f"- `python tests/bench/bench_bounds.py {r.run}` at {r.commit}: {r.trials} trials" for r in runs.itertuples()
+    ]
+    table = table.groupby("bound", sort=False)[SUMS].sum().reset_index()
     shown = table[["bound", "compared"]].astype(str).replace("0", "-")
     for scale in ("half", "double"):
         turned = table[scale].astype(str) + " in " + table[f"trials_{scale}"].astype(str)
         shown[f"turned by {scale}"] = turned.where(table.compared > 0, "-").where(
             (table[scale] > 0) | (table.compared == 0), "0"
         )
-    head = HEAD.format(command=command, commit=commit, trials=table.trials.max())
+    head = HEAD.format(runs="\n".join(lines))
     return f"{head}\n{shown.to_markdown(index=False, disable_numparse=True)}\n"
 
 
@@ -94,17 +121,18 @@ def main(argv=None):
     """Read the command line, diagnose, write the table and the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("trials", nargs="*", metavar="KIND/SEED/FIRST-LAST")
-    given = parser.parse_args(argv).trials or TRIALS
-    found = []
-    for trial in (t for text in given for t in trials_of(text)):
-        with multiprocessing.get_context("spawn").Pool(1) as alone:  # constants are watched once in a process
-            found.append(alone.apply(counted, trial))
-        print(*trial, flush=True)
-    table = table_of(found)
-    table.to_csv(TABLE, index=False)
-    head = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True)
-    command = f"python tests/bench/bench_bounds.py {' '.join(given)}"
-    PAGE.write_text(page_of(table, command, head.stdout.strip()), encoding="utf-8")
+    given = parser.parse_args(argv).trials
+    for run in [" ".join(given)] if given else RUNS:
+        found = []
+        for trial in (t for text in run.split() for t in trials_of(text)):
+            with multiprocessing.get_context("spawn").Pool(1) as alone:  # constants are watched once in a process
+                found.append(alone.apply(counted, trial))
+            print(*trial, flush=True)
+        table = with_run(pd.read_csv(TABLE, dtype={"commit": str}), run, commit_of(ROOT), table_of(found))
+        with job.write_atomically(TABLE) as file:
+            table.to_csv(file, index=False, lineterminator="\n")
+        with job.write_atomically(PAGE) as file:
+            file.write(page_of(table))
 
 
 if __name__ == "__main__":
