@@ -227,7 +227,7 @@ def with_cells(result, rows, base, outcome, not_looked_at, look):
     steps = [step.effect for step in closer.steps]
     rows = rows_of_both(rows, f"{result['campaign']}/{result['camera']}", steps, gaps)
     of_cells = verdict_record(own, tried, closer)
-    of_cells |= telling_record(of_cells["steps"], *cells_cannot_tell(search, closer.twin))
+    of_cells |= telling_record(of_cells["steps"], *cells_cannot_tell(search, closer.twin, closer.steps))
     result = both_looks(result, of_cells, gaps)
     unseen = {n: why for n, why in not_looked_at.items() if library.is_pure_geometry(n)}
     return result | {"not_looked_at": hidden | unseen}, rows

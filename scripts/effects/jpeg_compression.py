@@ -1,8 +1,8 @@
 """JPEG compression of the finished image.
 
-``loss`` is 100 minus libjpeg's quality. Colour is stored with half the resolution (4:2:0) or in full (4:4:4).
-Between two qualities tables are mixed, so that a fit has a slope. Source: ITU-T T.81, libjpeg's tables. The frame is
-compressed without the margin, so that blocks lie as in the camera.
+``loss`` is 100 minus libjpeg's quality. Colour is stored with half the resolution (4:2:0), in full (4:4:4), or as a
+file's own sampling has it. Between two qualities tables are mixed, so that a fit has a slope. Source: ITU-T T.81,
+libjpeg's tables. The frame is compressed without the margin, so that blocks lie as in the camera.
 
 The expected image is not rounded before it is compressed: noise carries levels between whole numbers into a block's
 mean, and a coarse table makes much of half a level. Where a block's mean lies within the noise's reach of half a step,
@@ -22,8 +22,8 @@ from effects.base import Parameter
 from effects.encoding import mean_of_clipped
 from effects.filters import frame_of
 from effects.noise_kernels import correlations, followed
-from effects.own_tables import compressed_as_own, own_of, steps_of
-from effects.quantisation import BLOCK, COSINES, COSINES_BACK, LAGS, by_blocks, gains_of
+from effects.own_tables import TO_YCC, compressed_as_own, factors_of, own_of, rounds_in_turn, steps_of
+from effects.quantisation import BLOCK, COSINES, COSINES_BACK, LAGS, by_blocks, gains_of, noise_of_blocks
 from kernels import njit
 
 STAGE, ORDER = "processing", 60
@@ -46,13 +46,11 @@ PARAMETERS = {
 }
 STARTS = tuple({"loss": loss} for loss in (5.0, 25.0, 45.0, 60.0, 70.0, 80.0))
 MIDDLE = np.float32(128)
-# ITU-T T.871: Y, Cb, Cr of red, green, blue
-TO_YCC = np.array([[0.299, 0.587, 0.114], [-0.168736, -0.331264, 0.5], [0.5, -0.418688, -0.081312]], np.float32)
 # Noise of Y, Cb, Cr over that of the channels, which are independent
 PLANE_NOISE = np.linalg.norm(TO_YCC, axis=1).astype(np.float32)
 SAMPLING = {False: cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420, True: cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444}
 ROUNDING_DN = np.float32(12**-0.5)  # standard deviation of what rounding to whole levels adds
-ROUNDING_OF_FOURS_DN = np.float32((1 / 12 / 4 + 1 / 12) ** 0.5)  # of four whole levels and their mean
+MOST_INTERPOLATED = 2  # pixels that a value of colour is stored for, beyond which decoders repeat it
 TO_RGB = np.linalg.inv(TO_YCC).astype(np.float32)
 ROUNDS_UP = np.float32(0.5 + 1e-3)  # a half is one although its sum is not exact
 # Of steps that are read off an image: frequencies, what rounding to whole levels adds, what counts as 0, outliers' share
@@ -121,24 +119,25 @@ class Plane(NamedTuple):
         return _whole_steps(*blocks, self.table[0, 0] / np.float32(BLOCK), middle)
 
 
-def mean_decoded(brightness, colours=(), side=BLOCK):
+def mean_decoded(brightness, colours=(), factors=(1, 1)):
     """Return the mean levels (rows, columns, 1 or 3) of a decoded image: each block at either of two steps, then mixed.
 
-    brightness is a Plane, colours are two or none, of half the size where blocks are of ``side`` 16. As a decoder does, planes
+    brightness is a Plane, colours are two or none, stored once for ``factors`` (across, down) pixels. As a decoder does, planes
     are rounded to whole numbers, and then what colours add is.
     """
     y = brightness.quantised(MIDDLE)
     if not colours:
         return _grey_decoded(*y[:2], brightness.levels.shape)
-    cb, cr = (_colour_decoded(colour, side) for colour in colours)
-    return _decoded(y, cb, cr, side, brightness.levels.shape)
+    cb, cr = (_colour_decoded(colour, *factors) for colour in colours)
+    return _decoded(y, cb, cr, *(BLOCK * f for f in factors), brightness.levels.shape)
 
 
-def _colour_decoded(plane, side):
-    """Return ``_whole_steps`` of a plane of colour, interpolated where it was stored in half."""
+def _colour_decoded(plane, across, down):
+    """Return ``_whole_steps`` of a plane of colour at the size of brightness: interpolated, or repeated, as a decoder does."""
     both, share, even = plane.quantised(np.float32(0))
-    if side > BLOCK:
-        both = np.stack([cv2.resize(p, None, fx=2, fy=2, interpolation=cv2.INTER_LINEAR) for p in both])
+    if across > 1 or down > 1:
+        way = cv2.INTER_LINEAR if max(across, down) <= MOST_INTERPOLATED else cv2.INTER_NEAREST
+        both = np.stack([cv2.resize(p, None, fx=across, fy=down, interpolation=way) for p in both])
     return both, share, even
 
 
@@ -179,8 +178,9 @@ def _grey_decoded(both, share, shape):
 
 
 @njit(cache=True, nogil=True)
-def _decoded(y, cb, cr, side, shape):
-    """Return the mean levels (rows, columns, 3) of ``_whole_steps`` of brightness and two planes of colour.
+def _decoded(y, cb, cr, width, height, shape):
+    """Return the mean levels (rows, columns, 3) of ``_whole_steps`` of brightness and two planes of colour, whose blocks are
+    ``width`` by ``height`` pixels of it.
 
     What colours add are the means of whole numbers, green's over both planes' steps.
     """
@@ -189,7 +189,7 @@ def _decoded(y, cb, cr, side, shape):
     out = np.empty((*shape, 3), np.float32)
     for r in range(shape[0]):
         for c in range(shape[1]):
-            i, j = r // side, c // side
+            i, j = r // height, c // width
             share, more_blue, more_red = upper[r // BLOCK, c // BLOCK], b_upper[i, j], r_upper[i, j]
             even = b_even[i, j] * r_even[i, j]
             b0, b1, r0, r1 = blue[0, r, c], blue[1, r, c], red[0, r, c], red[1, r, c]
@@ -229,74 +229,64 @@ def _brightness_and_colours(image, to_ycc):
     return out
 
 
-def _noise_of_blocks(noise_dn, shape, side=BLOCK):
-    """Return the noise (block rows, block columns) in blocks of ``side`` pixels of an image: of uneven noise the mean variance
-    counts. ``noise_dn`` is a number or (rows, columns, C).
-    """
-    if np.ndim(noise_dn):
-        return _root_mean_square(np.ascontiguousarray(noise_dn, np.float32), side)
-    return np.full((-(-shape[0] // side), -(-shape[1] // side)), noise_dn, np.float32)
-
-
-@njit(cache=True, nogil=True)
-def _root_mean_square(values, side):
-    """Return the root mean square (block rows, block columns) of an array (rows, columns, C), its last row and column again."""
-    rows, columns, channels = values.shape
-    out = np.empty((-(-rows // side), -(-columns // side)), np.float32)
-    for i in range(out.shape[0]):
-        for j in range(out.shape[1]):
-            total = np.float32(0.0)
-            for r in range(i * side, (i + 1) * side):
-                for c in range(j * side, (j + 1) * side):
-                    for k in range(channels):
-                        total += values[min(r, rows - 1), min(c, columns - 1), k] ** 2
-            out[i, j] = np.sqrt(total / np.float32(side * side * channels))
-    return out
-
-
-def _filled_up(plane, side=BLOCK):
+def _filled_up(plane, width=BLOCK, height=BLOCK):
     rows, columns = plane.shape
-    if rows % side == columns % side == 0:
+    if rows % height == columns % width == 0:
         return np.ascontiguousarray(plane)
-    return np.pad(plane, ((0, -rows % side), (0, -columns % side)), mode="edge")
+    return np.pad(plane, ((0, -rows % height), (0, -columns % width)), mode="edge")
 
 
 @njit(cache=True, nogil=True)
-def _halved(plane):
-    """Return the means of a plane's squares of 2 pixels, of which it has whole ones."""
-    out = np.empty((plane.shape[0] // 2, plane.shape[1] // 2), np.float32)
+def _means(plane, across, down):
+    """Return the means of a plane's blocks of so many pixels, of which it has whole ones."""
+    out = np.empty((plane.shape[0] // down, plane.shape[1] // across), np.float32)
     for r in range(out.shape[0]):
         for c in range(out.shape[1]):
-            above = plane[2 * r, 2 * c] + plane[2 * r, 2 * c + 1]
-            out[r, c] = np.float32(0.25) * (above + plane[2 * r + 1, 2 * c] + plane[2 * r + 1, 2 * c + 1])
+            total = np.float32(0.0)
+            for i in range(down):
+                for j in range(across):
+                    total += plane[down * r + i, across * c + j]
+            out[r, c] = total / np.float32(across * down)
     return out
 
 
 def expected(image, quality, full_colour, noise_dn, kernel=None, own=None):
     """Return the mean grey levels (H, W, 1 or 3) float32 that ``compressed`` gives of an image, not rounded, under noise.
 
-    own are a file's own tables and sampling, which is taken as in full or in half both ways. ``noise_dn``, a number or
-    (H, W, 1 or 3), is the standard deviation in each of three channels, brightness has less; kernel as ``View.noise_kernel``.
+    own are a file's own tables and sampling, which then count. ``noise_dn``, a number or (H, W, 1 or 3), is the standard
+    deviation in each of three channels, brightness has less; kernel as ``View.noise_kernel``.
     """
     of_y, of_colour = steps_of(own) if own else tables_between(quality)
-    noise, gains = _noise_of_blocks(noise_dn, image.shape), gains_of(correlations(kernel, LAGS))
+    noise, gains = noise_of_blocks(noise_dn, image.shape), gains_of(correlations(kernel, LAGS))
     if image.shape[2] == 1:
         return mean_decoded(Plane(image[..., 0] - MIDDLE, PLANE_NOISE[0] * noise, gains, ROUNDING_DN, of_y))
     y, *colours = _brightness_and_colours(np.ascontiguousarray(image), TO_YCC)
     brightness = Plane(y, PLANE_NOISE[0] * noise, gains, ROUNDING_DN, of_y)
-    if full_colour:
-        stored = [
-            Plane(p, n * noise, gains, ROUNDING_DN, of_colour) for p, n in zip(colours, PLANE_NOISE[1:], strict=True)
-        ]
-        return mean_decoded(brightness, stored)
-    less, of_fours = followed(kernel, np.full((2, 2), 0.25))
-    gains = gains_of(correlations(of_fours, 2 * LAGS)[::2, ::2])
-    noise = np.float32(less) * _noise_of_blocks(noise_dn, image.shape, 2 * BLOCK)
-    stored = [
-        Plane(_halved(_filled_up(p, 2)), n * noise, gains, ROUNDING_OF_FOURS_DN, of_colour)
-        for p, n in zip(colours, PLANE_NOISE[1:], strict=True)
-    ]
-    return mean_decoded(brightness, stored, 2 * BLOCK)
+    factors, rounding = factors_of(own[1] if own else "4:4:4" if full_colour else "4:2:0"), ROUNDING_DN
+    if factors != (1, 1):
+        gain, gains = _gains_of_means(kernel, *factors)
+        noise = np.float32(gain) * noise_of_blocks(noise_dn, image.shape, *factors)
+        rounding *= np.sqrt(np.float32(1 + 1 / math.prod(factors)))  # of whole levels and of their mean
+        colours = [_stored(p, *factors) for p in colours]
+    stored = [Plane(p, n * noise, gains, rounding, of_colour) for p, n in zip(colours, PLANE_NOISE[1:], strict=True)]
+    return mean_decoded(brightness, stored, factors)
+
+
+def _stored(plane, across, down):
+    """Return the means of a plane of colour that libjpeg stores, by how much it rounds them up on average included."""
+    count = across * down
+    up = 0 if rounds_in_turn(across, down) or count % 2 else 0.5 / count
+    return _means(_filled_up(plane, BLOCK * across, down), across, down) + np.float32(up)
+
+
+def _gains_of_means(kernel, across, down):
+    """Return (by what noise with a kernel is more in means of (across, down) pixels, ``gains_of`` it in blocks of them)."""
+    side = max(across, down)
+    mean = np.zeros((side, side))
+    mean[:down, :across] = 1 / (across * down)
+    gain, of_means = followed(kernel, mean)
+    apart = (slice((side - n) * LAGS, (side + n) * LAGS + 1, n) for n in (down, across))
+    return gain, gains_of(correlations(of_means, side * LAGS)[*apart])
 
 
 def apply(image, view, p, rng):

@@ -43,6 +43,32 @@ def gains_of(correlations):
     return np.sqrt(np.maximum(ALIKE @ correlations @ ALIKE.T, 0)).astype(np.float32)
 
 
+def noise_of_blocks(noise_dn, shape, across=1, down=1):
+    """Return the noise (block rows, block columns) in blocks whose values are of (across, down) pixels of an image: of uneven
+    noise the mean variance counts. ``noise_dn`` is a number or (rows, columns, C).
+    """
+    width, height = BLOCK * across, BLOCK * down
+    if np.ndim(noise_dn):
+        return _root_mean_square(np.ascontiguousarray(noise_dn, np.float32), width, height)
+    return np.full((-(-shape[0] // height), -(-shape[1] // width)), noise_dn, np.float32)
+
+
+@njit(cache=True, nogil=True)
+def _root_mean_square(values, width, height):
+    """Return the root mean square (block rows, block columns) of an array (rows, columns, C), its last row and column again."""
+    rows, columns, channels = values.shape
+    out = np.empty((-(-rows // height), -(-columns // width)), np.float32)
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            total = np.float32(0.0)
+            for r in range(i * height, (i + 1) * height):
+                for c in range(j * width, (j + 1) * width):
+                    for k in range(channels):
+                        total += values[min(r, rows - 1), min(c, columns - 1), k] ** 2
+            out[i, j] = np.sqrt(total / np.float32(width * height * channels))
+    return out
+
+
 @njit(cache=True, nogil=True)
 def by_blocks(plane, noise, gains, rounding, table):
     """Return (plane with the lower of two steps of its blocks' means, probability of the upper one, evenness).

@@ -114,13 +114,19 @@ def exchanged(search, end, name, rivals, iterations=FURTHER_ITERATIONS):
 
 
 def one_of(search, twin, name, others):
-    """Return (name, others that cannot be told from it), the best first, MAX_GROUP of them at most; () where it stands alone.
+    """Return (name, others that cannot be told from it), the best first, MAX_GROUP of them at most; () where it stands alone."""
+    alike = as_good_instead(search, twin, name, others)
+    return (name, *alike) if alike else ()
+
+
+def as_good_instead(search, twin, name, others):
+    """Return {effect: Twin} of those that cannot be told from an effect, the best first, MAX_GROUP with it at most.
 
     ``others`` [(name, p)] are fitted in the effect's place in a Twin, with all the rest: each that is as good stands for it.
     """
     fitted = {other[0]: search.fitted(in_place(twin.effects, name, other), twin.poses) for other in others}
-    alike = [n for n in fitted if is_as_good(fitted[n], twin)]
-    return (name, *sorted(alike, key=lambda n: sum(fitted[n].losses.values())))[:MAX_GROUP] if alike else ()
+    alike = sorted((n for n in fitted if is_as_good(fitted[n], twin)), key=lambda n: sum(fitted[n].losses.values()))
+    return {n: fitted[n] for n in alike[: MAX_GROUP - 1]}
 
 
 def is_simple(name):

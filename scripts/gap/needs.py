@@ -105,6 +105,7 @@ class Told:
         own = set(search.free(twin.effects))
         acting = [f for f in fitted_parameters(self.effects) if f[0] not in self.others or not spec(f).auxiliary]
         self.free = [f for f in acting if f in own or f[0] in self.others]
+        self.precision = priors_of(self.free)[1]
         self.variance = max(twin.gap, 1.0) ** 2  # of residuals: what is open hides effects as noise does
         self.taken = sum(self.map(lambda one: self._information([one], self.look.each), self.look.photographs))
         self._brought = {}
@@ -116,17 +117,22 @@ class Told:
         fewer.others, fewer._brought = [n for n in self.others if n in others], {}
         fewer.effects = [e for e in self.effects if e[0] not in self.others or e[0] in others]
         fewer.free, fewer.taken = [self.free[k] for k in kept], self.taken[np.ix_(kept, kept)]
+        fewer.precision = self.precision[kept]
         return fewer
+
+    def _derivatives(self, photograph):
+        """Return what a photograph shows of the free parameters (n, k), and what it has for itself (n, q)."""
+        return self.look.derivatives(self.effects, self.free, photograph)
 
     def _information(self, photographs, each):
         """Return the information (k, k) of the free parameters in photographs, of which each counts so many times; what each has
         for itself is eliminated.
         """
-        H = np.zeros((len(self.free), len(self.free)))
+        H = 0.0
         for one in photographs:
-            J, Jp = self.look.derivatives(self.effects, self.free, one)
+            J, Jp = self._derivatives(one)
             left = J - Jp @ np.linalg.lstsq(Jp, J, rcond=None)[0]
-            H += each * left.T @ left / self.variance
+            H = H + each * left.T @ left / self.variance
         return H
 
     def _columns(self, name):
@@ -137,7 +143,7 @@ class Told:
 
     def _left(self, mine, beside, more):
         """Return the information (m, m) of some parameters that others, ``beside``, leave; ``more`` is of further photographs."""
-        H = np.diag(priors_of(self.free)[1]) + self.taken + (0.0 if more is None else more)
+        H = np.diag(self.precision) + self.taken + (0.0 if more is None else more)
         own, between = H[np.ix_(mine, mine)], H[np.ix_(mine, beside)]
         return own - between @ np.linalg.pinv(H[np.ix_(beside, beside)], hermitian=True) @ between.T
 

@@ -14,6 +14,7 @@ import pandas as pd
 from PIL import Image, TiffImagePlugin
 from PIL.ExifTags import IFD, Base
 
+from effects.own_tables import FACTORS
 from inputs import heic
 
 LONGEST_TEXT, MAX_NOTES = 64, 5
@@ -29,7 +30,7 @@ NUMBERS = {
 TEXTS = {"make": Base.Make, "model": Base.Model}
 FORMATS = ("JPEG", "PNG", TiffImagePlugin.TiffImageFile.format)  # the last is unknown until it is imported
 JPEG = ("jpeg_quality", "jpeg_tables", "jpeg_sampling", "jpeg_brightness", "jpeg_colour")
-SAMPLINGS = {(1, 1): "4:4:4", (2, 1): "4:2:2", (2, 2): "4:2:0", (1, 2): "4:4:0", (4, 1): "4:1:1"}
+SAMPLINGS = {factors: name for name, factors in FACTORS.items()}
 FULL_FRAME_MM = math.hypot(36, 24)  # the diagonal to which focal lengths of other sensors are scaled
 SENSORS_MM = (1.0, 100.0)  # diagonals that are believed
 MM_OF_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}  # of EXIF's resolution in the sensor's plane
@@ -124,8 +125,8 @@ def _read_jpeg(image, facts, notes):
         return
     try:
         tables = [np.array(image.quantization[layer[3]], int) for layer in image.layer[:2]]
-        sampling = image.layer[0][1:3]
-        if not all(len(table) == 64 and (table > 0).all() for table in tables):
+        sampling, rest = np.divmod(*(np.array(image.layer[k][1:3]) for k in (0, -1)))
+        if not all(len(table) == 64 and (table > 0).all() for table in tables) or rest.any() or not sampling.all():
             raise ValueError
     except (KeyError, IndexError, TypeError, ValueError):
         notes.append("its quantisation tables can't be read: ignored")
@@ -133,8 +134,8 @@ def _read_jpeg(image, facts, notes):
     quality, exact = libjpeg_quality(tables)
     facts |= {"jpeg_quality": quality, "jpeg_tables": "libjpeg" if exact else "own"}
     facts |= {name: " ".join(map(str, table)) for name, table in zip(JPEG[3:], tables, strict=False)}
-    grey = len(image.layer) == 1
-    facts["jpeg_sampling"] = "grey" if grey else SAMPLINGS.get(sampling, "{}x{}".format(*sampling))
+    grey, factors = len(image.layer) == 1, tuple(sampling.tolist())
+    facts["jpeg_sampling"] = "grey" if grey else SAMPLINGS.get(factors, "{}x{}".format(*factors))
 
 
 def libjpeg_quality(tables):

@@ -157,10 +157,15 @@ def needs_words(diagnosis):
     for need in diagnosis.get("needs", []):
         what, _, instruction = need["text"].partition(": ")
         by_instruction.setdefault(instruction, []).append(what.removeprefix("to tell "))
-    words += "".join(f" To tell {listed(what)}: {instruction}." for instruction, what in by_instruction.items())
+    words += "".join(f" To tell {listed(_once(what))}: {instruction}." for instruction, what in by_instruction.items())
     told = {what for of_one in by_instruction.values() for what in of_one}
     left = [what for what in [*hidden, *alike_words(diagnosis)] if what not in told]
     return words + (f" None of the instructions that were tried would tell {listed(left)}." if left else "")
+
+
+def _once(what):
+    """Return names, and ``this from that``, without the name alone of what is told from another."""
+    return [name for name in what if not any(other.startswith(f"{name} from ") for other in what)]
 
 
 def alike_words(diagnosis):

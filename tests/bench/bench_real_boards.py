@@ -132,7 +132,7 @@ def diagnosed(name, folder):
             of_camera, case, outcome, list(unseen), set(), declared, BUDGET, 1, None, None
         )
         of_cells = verdict_record(own, tried, closer)
-        of_cells |= telling_record(of_cells["steps"], *cells_cannot_tell(closer_search, closer.twin))
+        of_cells |= telling_record(of_cells["steps"], *cells_cannot_tell(closer_search, closer.twin, closer.steps))
         result = both_looks(result, of_cells, gaps_on_the_way(base, outcome, own, closer))
         off = signs_off(closer_search, own, closer.twin)
         effects = [e for e in effects if not is_seen_in_cells(e[0])] + list(closer.twin.effects)

@@ -16,7 +16,9 @@ from gap.instructions import EXPOSURES, FURTHER, MORE, PLACES  # noqa: E402
 from gap.needs import CLEAR, Told  # noqa: E402
 from gap.needs_of_cells import OfCells, cells_cannot_tell  # noqa: E402
 from gap.observables import SIGNS, SIGNS_OF_GROUP  # noqa: E402
+from gap.outcome import Step  # noqa: E402
 from gap.search import Search  # noqa: E402
+from gap.twin import Candidate  # noqa: E402
 from reporting.sentences import needs_words  # noqa: E402
 from retaken_board import signatures_of  # noqa: E402
 from rig.light import LIGHT, exposed  # noqa: E402
@@ -89,6 +91,28 @@ def test_further_photographs_are_as_the_instruction_says(photographs):
     np.testing.assert_allclose(dark.light, exposed(plain.light, 0.25))
     assert dark.light[LIGHT.index("gain")] == pytest.approx(plain.light[LIGHT.index("gain")] - np.log(4))
     assert np.median(dark.levels()) < 0.7 * np.median(plain.levels())
+
+
+@pytest.fixture(scope="module")
+def blurred():
+    """Return (Search, Twin, its Step) of blurred photographs: another blur, and one that is none, had been near to the step."""
+    case = signatures_of(
+        {"sensor_noise": {"full_well_e": 3000.0, "read_noise_e": 12.0}, "lens_blur": {"sigma_px": 0.9}}, 6
+    )
+    search = Search(case, ["defocus", "lens_blur", "motion_blur", "sensor_noise"])
+    twin = search.fitted([(name, library.starts_of(name)[0]) for name in ("sensor_noise", "lens_blur")])
+    near = [Candidate(n, library.nulls_of(n) | library.starts_of(n)[0], twin, True) for n in ("defocus", "motion_blur")]
+    return search, twin, Step("lens_blur", twin, tuple(near), ("defocus", "motion_blur"), "edges")
+
+
+def test_effects_that_cells_confuse_get_an_instruction(blurred):
+    """Fails if small amounts stand for real ones (both blurs are then apart), what was near once counts as alike, or any further
+    photographs are said to tell, the corners first.
+    """
+    search, twin, step = blurred
+    _, alike, needs = cells_cannot_tell(search, twin, [step])
+    assert alike == {"lens_blur": ["defocus"]}
+    assert needs[-1] == {"effect": "defocus", "text": f"to tell defocus from lens blur: {PLACES[1].words}"}
 
 
 def test_both_looks_say_what_they_cannot_tell():

@@ -89,6 +89,20 @@ def test_a_jpegs_own_tables_tell_its_quality(tmp_path, quality, subsampling, sam
     assert len(steps) == 64 and steps == list(Image.open(tmp_path / "a.jpg").quantization[0])
 
 
+@pytest.mark.parametrize(
+    ("factors", "sampling"), [((0x22, 0x12), "4:2:2"), ((0x22, 0x21), "4:4:0"), ((0x42, 0x11), "4x2")]
+)
+def test_sampling_is_how_brightness_and_colour_differ(tmp_path, factors, sampling):
+    """Fails if a camera that samples brightness twice down, colour too, is taken for one that halves colour down."""
+    of_brightness, of_colour = factors
+    data = jpeg(tmp_path, subsampling=0).read_bytes()
+    at = data.index(b"\xff\xc0") + 10
+    file = bytearray(data)
+    file[at + 1 : at + 9 : 3] = of_brightness, of_colour, of_colour
+    (tmp_path / "b.jpg").write_bytes(file)
+    assert photo_facts(tmp_path / "b.jpg")["jpeg_sampling"] == sampling
+
+
 def test_tables_of_a_camera_are_its_own(tmp_path):
     """Fails if a camera's own tables pass for libjpeg's, or are taken for no JPEG's."""
     with Image.open(jpeg(tmp_path, quality=80)) as image:

@@ -43,6 +43,16 @@ def test_names_that_no_instruction_tells_apart_are_said():
     assert "None of" not in verdict_words(diagnosis | {"needs": [need]})
 
 
+def test_what_tells_an_effect_from_another_is_not_said_twice():
+    """Fails if a reader is asked to tell a name, and the same name from another, by one instruction in one breath."""
+    closer, hidden = "halve the distance in some photographs", {"not_told": ["defocus", "sharpening"]}
+    step = STEP | {"effect": "lens_blur", "one_of": ["lens_blur", "defocus"], "confused_with": ["defocus"]}
+    whats = {"defocus": "defocus", "sharpening": "sharpening", "lens_blur": "defocus from lens blur"}
+    needs = [{"effect": n, "text": f"to tell {what}: {closer}"} for n, what in whats.items()]
+    said = verdict_words({"verdict": "explained", "steps": [step], "needs": needs} | hidden)
+    assert f"To tell sharpening and defocus from lens blur: {closer}." in said and "None of" not in said
+
+
 def test_the_page_of_the_diagnosis_says_it_too(monkeypatch):
     """Fails if the diagnosis's own page leaves out what the report's first page says of further photographs."""
     monkeypatch.syspath_prepend(PROJECT / "notebooks")
