@@ -50,13 +50,15 @@ class Change:
 class Changes:
     """What came of a comparison: the changes in the order found, the twin before any, and what is left.
 
-    asked  {effect: (p, gain)} at the end; p_other of a difference in scatter that no effect explains
+    asked  {effect: (p, gain)} at the end, p_left the least p of those that would be worth their parameters; p_other of a
+    difference in scatter that no effect explains
     """
 
     changes: tuple
     base: JointTwin
     last: JointTwin
     asked: dict
+    p_left: float
     p_other: float
     fit: JointFit
 
@@ -83,7 +85,7 @@ class Changes:
     @property
     def verdict(self):
         """``adequate``: nothing has changed; ``explained``: these effects have; ``unexplained``: something else has as well."""
-        if min([self.p_other, *(p for p, _ in self.asked.values())]) <= MAX_P:
+        if min(self.p_left, self.p_other) <= MAX_P:
             return "unexplained"
         return "explained" if self.changes else "adequate"
 
@@ -113,8 +115,8 @@ def changes(before, after, effects=(), candidates=None, threads=1):
             base_fit, alone, (Change(warp.effect, alone, warp.p, ()),), names, labels, threads
         )
     p_other = p_of_scatter(last, labels)
-    asked = {n: (a.p, a.gain) for n, a in asked.items()}
-    return Changes(tuple(found), twin, last, asked, p_other, fit)
+    told = {n: (a.p, a.gain) for n, a in asked.items()}
+    return Changes(tuple(found), twin, last, told, p_of_change(asked), p_other, fit)
 
 
 def forward(fit, twin, found, names, labels, threads):
@@ -245,7 +247,7 @@ def named(fit, twin, asked):
     Whether something has changed the largest evidence says; what it was, the loss that is left, each parameter charged. A
     free warp gets a name where it is no chance itself, and explains more than any other by what it has more parameters.
     """
-    p = min((a.p for a in asked.values()), default=1.0)
+    p = p_of_change(asked)
     if p > MAX_P:
         return None
     likely = sorted((n for n in asked if not is_flexible(n) or asked[n].p <= MAX_P), key=lambda n: -promised(asked[n]))
@@ -261,6 +263,14 @@ def named(fit, twin, asked):
     ]
     one_of = (best, *alike)[:MAX_GROUP] if alike else ()
     return Change(best, tried[best], p, one_of)
+
+
+def p_of_change(asked):
+    """Return the least p of those {effect: Asked} that promise more than their parameters cost, 1 where none does.
+
+    Beside what has changed, sets that are fitted each by itself scatter so little that what explains nothing is no chance.
+    """
+    return min((a.p for a in asked.values() if promised(a) > 0), default=1.0)
 
 
 def charge(asked):
