@@ -50,7 +50,7 @@ MIDDLE = np.float32(128)
 PLANE_NOISE = np.linalg.norm(TO_YCC, axis=1).astype(np.float32)
 SAMPLING = {False: cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420, True: cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444}
 ROUNDING_DN = np.float32(12**-0.5)  # standard deviation of what rounding to whole levels adds
-MOST_INTERPOLATED = 2  # pixels that a value of colour is stored for, beyond which decoders repeat it
+MAX_INTERPOLATED = 2  # pixels that a value of colour is stored for, beyond which decoders repeat it
 TO_RGB = np.linalg.inv(TO_YCC).astype(np.float32)
 ROUNDS_UP = np.float32(0.5 + 1e-3)  # a half is one although its sum is not exact
 # Of steps that are read off an image: frequencies, what rounding to whole levels adds, what counts as 0, outliers' share
@@ -136,7 +136,7 @@ def _colour_decoded(plane, across, down):
     """Return ``_whole_steps`` of a plane of colour at the size of brightness: interpolated, or repeated, as a decoder does."""
     both, share, even = plane.quantised(np.float32(0))
     if across > 1 or down > 1:
-        way = cv2.INTER_LINEAR if max(across, down) <= MOST_INTERPOLATED else cv2.INTER_NEAREST
+        way = cv2.INTER_LINEAR if max(across, down) <= MAX_INTERPOLATED else cv2.INTER_NEAREST
         both = np.stack([cv2.resize(p, None, fx=across, fy=down, interpolation=way) for p in both])
     return both, share, even
 

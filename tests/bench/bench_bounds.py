@@ -26,7 +26,7 @@ TABLE, PAGE, METHOD = ROOT / "docs/bounds.csv", ROOT / "docs/bounds.md", ROOT / 
 REAL = ROOT.parent / "shared/real"
 RUNS = (
     "none/larkspur/3-21 single/larkspur/6-22 pair/larkspur/6-21 whole/yarrow/13 whole/yarrow/16-17 whole/yarrow/19-21",
-    "real/fennel/0-11",
+    "real/fennel/0-3",
 )
 HEAD = """# What half and double of each bound turn
 
