@@ -40,9 +40,7 @@ def cells_cannot_tell(search, twin, steps=()):
     likely = [n for n in hidden if times * told.seen(n) >= CLEAR]
     needs, alike = told.of_fewer(likely).needs(likely), {}
     for step in steps:
-        tried = {c.effect: c.parameters for c in step.candidates}
-        others = [(n, tried[n]) for n in step.confused_with]
-        rivals = as_good_instead(search, twin, step.effect, others)
+        rivals = as_good_instead(search, twin, step.effect, step.rivals)
         alike |= {step.effect: list(rivals)} if rivals else {}
         needs += [Between(search, rival, twin).need_of(n, step.effect) for n, rival in rivals.items()]
     return hidden, alike, [need for need in needs if need]

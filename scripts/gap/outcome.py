@@ -24,6 +24,12 @@ class Step:
     one_of: tuple = ()
     residue: dict = field(default_factory=dict)
 
+    @property
+    def rivals(self):
+        """What it is confused with, [(name, parameters)] as they were fitted beside it."""
+        tried = {c.effect: c.parameters for c in self.candidates}
+        return [(n, tried[n]) for n in self.confused_with]
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -132,11 +138,10 @@ def in_last_twin(search, twin, steps, before):
     """
     first, told = {step.main_group: step.effect for step in reversed(steps)}, []
     for step in steps:
-        confused = tuple(n for n in step.confused_with if n not in twin.names)
-        tried = {c.effect: c.parameters for c in step.candidates}
-        others = [] if search.problem.is_board else [(n, tried[n]) for n in confused]
+        step = replace(step, confused_with=tuple(n for n in step.confused_with if n not in twin.names))
+        others = [] if search.problem.is_board else step.rivals
         group, within = step.main_group, search.problem.floor_within
         residue = residue_of(twin, group, before, within) if first[group] == step.effect else {}
         alike = one_of(search, twin, step.effect, others)
-        told.append(replace(step, confused_with=confused, one_of=alike, residue=residue))
+        told.append(replace(step, one_of=alike, residue=residue))
     return tuple(told)

@@ -138,10 +138,9 @@ def path(selection, base, first, before, start_with=None, taken=()):
         missing = [c for c in candidates if is_missing_from(search, twin, c)]
         if not missing and search.problem.is_of_signs:
             here = outcome_of(search.problem, steps, (), twin, before)
-            candidates = (
-                candidates if _is_good(search.problem, here, before) else try_by_short_fits(search, twin, candidates)
-            )
-            missing = [c for c in candidates if is_missing_from(search, twin, c)]
+            if not _is_good(search.problem, here, before):
+                candidates = try_by_short_fits(search, twin, candidates)
+                missing = [c for c in candidates if is_missing_from(search, twin, c)]
         if not missing:
             break
         best = next((c for c in missing if c.effect == start_with and not steps), missing[0])

@@ -12,10 +12,9 @@ def undoing(search, end, names):
     """Return the Proposal of the spread of light and the filter that sharpens, of some effects, that leave least together beside
     a Descent's others, their own parameters fitted alone from their starts; an empty one where none leave less than there is.
     """
+    pairs = [(spread, after) for spread, after in product(names, names) if library.undoes(after, spread)]
     best, chosen = end, ()
-    for pair in product(names, names):
-        if not library.undoes(*reversed(pair)):
-            continue
+    for pair in pairs:
         others = [e for e in end.state.effects if e[0] not in pair]
         for starts in product(*(search.problem.starts_of(n)[:MAX_STARTS] for n in pair)):
             trial = fitted_alone(search, [*others, *zip(pair, starts, strict=True)], end.state.poses, pair)
