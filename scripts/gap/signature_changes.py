@@ -24,7 +24,7 @@ from job import seed_of
 MIN_SHOWING = 0.8  # of the photographs, that show a sign which counts
 MAX_DIVISIONS = 5000  # of photographs between the sets: of 1,000 a p of 0.01 would be told to a third
 MAX_LAID, PATCHES_LAID = 4, 6  # photographs of a set, patches of each, on which effects are laid to see what they do
-SCALES = (0.1, 4.0)  # of an effect's starts, at least and at most
+SCALES, TIMES_SCALED = (0.1, 4.0), 2  # of an effect's starts, at least and at most; what effects do is not linear
 FIRST_STEP = 5.0  # times what matters, from effects that start at nothing
 MAX_REFINED, STEPS = 6, 4  # effects whose parameters are fitted, steps of a fit
 DIFFERENCE = 0.1  # of its value, by which a parameter goes for a derivative: grey levels are whole, so less is rough
@@ -217,15 +217,26 @@ def tried(name, layer, comparison):
     from_nothing = all(nulls | s == nulls for s in library.starts_of(name))
     if from_nothing and layer.sign < 0:
         return None
-    found, start_distance = [], comparison.distance(np.zeros(len(SIGNS)))
+    found = []
     for start in [_from_nothing(name, layer, comparison)] if from_nothing else starts_of(name):
-        trial = laid_on(name, start, layer, comparison)
+        found += _scaled_ones(laid_on(name, start, layer, comparison), nulls, layer, comparison)
+    return min(found, key=lambda t: t.left, default=None)
+
+
+def _scaled_ones(trial, nulls, layer, comparison):
+    """Return the Trials that lead towards the later signatures: one, then as much of it as would fit best if it were linear,
+    ``TIMES_SCALED`` times.
+    """
+    found, start_distance = [], comparison.distance(np.zeros(len(SIGNS)))
+    for _ in range(TIMES_SCALED):
         way = start_distance - comparison.distance(trial.moved)
         scale = float(way @ start_distance) / max(float(way @ way), 1e-9)
-        if scale > 0:
-            other = scaled(name, nulls, start, np.clip(scale, *SCALES))
-            found += [trial] if other == start else [trial, laid_on(name, other, layer, comparison)]
-    return min(found, key=lambda t: t.left, default=None)
+        if scale <= 0:
+            return found
+        found.append(trial)
+        scale = np.clip(scale, *SCALES)
+        trial = laid_on(trial.effect, scaled(trial.effect, nulls, trial.parameters, scale), layer, comparison)
+    return [*found, trial]
 
 
 def starts_of(name):

@@ -9,7 +9,17 @@ from effects import library
 from effects.pipeline import map_points
 from gap.observables import SIGNS
 from gap.signature import OF_CODEC, Photograph
-from gap.signature_changes import Layer, candidates_of, compared, scaled, signature_changes, signatures_of, starts_of
+from gap.signature_changes import (
+    MAX_TIMES_LEFT,
+    Layer,
+    candidates_of,
+    compared,
+    scaled,
+    signature_changes,
+    signatures_of,
+    starts_of,
+    tried,
+)
 from generator import nominal
 from generator.photographs import Retaken
 from rig.geometry import project
@@ -150,6 +160,15 @@ def test_a_start_is_scaled_from_nothing():
     nulls = library.nulls_of("sharpening")
     half = scaled("sharpening", nulls, nulls | {"amount": 0.8, "radius_px": 2.0}, 0.5)
     assert half == {"amount": pytest.approx(0.4), "radius_px": 2.0}
+
+
+def test_a_rival_of_what_was_laid_on_is_scaled_until_it_is_one(before):
+    """Fails if how much of an effect there is, is asked of its start alone: a defocus then leaves three times what a blur does."""
+    later = after({"lens_blur": {"sigma_px": 0.9}})
+    poses = np.array([p.pose for p in before + later])
+    comparison = compared(*(signatures_of(photographs, (), map) for photographs in (before, later)), 1, poses)
+    blur, defocus = (tried(name, Layer(before, [], 1, map), comparison) for name in ("lens_blur", "defocus"))
+    assert defocus.left < MAX_TIMES_LEFT * blur.left
 
 
 def test_a_photograph_through_another_lens_shows_its_patches_there(before):
