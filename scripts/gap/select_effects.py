@@ -289,26 +289,28 @@ def try_beside_others(search, twin, names, known):
 
 
 def try_by_short_fits(search, twin, candidates):
-    """Return the candidates, best first, those fitted with everything else that leave least after a short fit from their starts.
+    """Return the candidates, best first, of which those that a twin's effects undo, or that undo them, are fitted with everything
+    else where they leave least after a short fit from their starts.
 
-    Where an effect and what is there already make up for one another, its first order promises nothing.
+    Their first order promises nothing.
     """
     without, ends = short_fit(search, list(twin.effects), twin.poses, SCALE_FROM_START, ITERATIONS_OF_STARTS), {}
     enough = without.loss - MIN_GAIN / MAX_UNDERSTATED * len(probes(search.train)) / len(search.train)
     for name in (c.effect for c in candidates if not (c.complete or is_flexible(c.effect))):
-        starts = search.problem.starts_of(name)[:MAX_STARTS]
-        effects = [[*beside, (name, start)] for start in starts for beside in _beside(search, twin, name)]
-        fits = [short_fit(search, some, twin.poses, SCALE_FROM_START, ITERATIONS_OF_STARTS) for some in effects]
-        ends[name] = min(fits, key=loss_of)
+        undone = [n for n in twin.names if library.undoes(n, name) or library.undoes(name, n)]
+        if undone:
+            starts = search.problem.starts_of(name)[:MAX_STARTS]
+            effects = [[*beside, (name, start)] for start in starts for beside in _beside(search, twin, undone)]
+            fits = [short_fit(search, some, twin.poses, SCALE_FROM_START, ITERATIONS_OF_STARTS) for some in effects]
+            ends[name] = min(fits, key=loss_of)
     least = sorted((n for n in ends if ends[n].loss < enough), key=lambda n: ends[n].loss)[:MAX_TRIED_WHOLLY]
     tried = [search.try_jointly(twin, n, ends[n].state.effects, ends[n].state.poses) for n in least]
     return rank([*(c for c in candidates if c.effect not in least), *tried])
 
 
-def _beside(search, twin, name):
-    """Return the lists of effects beside which another begins: a twin's own, and those in which what undoes it begins anew."""
+def _beside(search, twin, undone):
+    """Return the lists of effects beside which another begins: a twin's own, and those in which one ``undone`` begins anew."""
     own = list(twin.effects)
-    undone = [n for n in twin.names if library.undoes(n, name) or library.undoes(name, n)]
     anew = [in_place(own, n, (n, start)) for n in undone for start in search.problem.starts_of(n)[:MAX_STARTS]]
     return [own, *anew]
 

@@ -48,9 +48,8 @@ class TwinPhotograph(Photograph):
 
     def levels(self, effects=(), rng=None):
         """Return the grey levels (rows, columns, C) of the windows, with effects [(name, parameters)] laid on."""
-        drawn = [
-            e for e in effects if library.is_drawn(e[0]) and not library.spreads_light(e[0])
-        ]  # light spreads later
+        # Light spreads when the image is formed
+        drawn = [e for e in effects if library.is_drawn(e[0]) and not library.spreads_light(e[0])]
         key = pipeline.key_of(drawn)
         if key not in self.drawn:
             self.drawn.clear()

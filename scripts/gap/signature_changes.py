@@ -24,7 +24,8 @@ from job import seed_of
 MIN_SHOWING = 0.8  # of the photographs, that show a sign which counts
 MAX_DIVISIONS = 5000  # of photographs between the sets: of 1,000 a p of 0.01 would be told to a third
 MAX_LAID, PATCHES_LAID = 4, 6  # photographs of a set, patches of each, on which effects are laid to see what they do
-SCALES, TIMES_SCALED = (0.1, 4.0), 2  # of an effect's starts, at least and at most; what effects do is not linear
+SCALES = (0.1, 4.0)  # of an effect's starts, at least and at most
+TIMES_SCALED = 2  # what effects do is not linear
 FIRST_STEP = 5.0  # times what matters, from effects that start at nothing
 MAX_REFINED, STEPS = 6, 4  # effects whose parameters are fitted, steps of a fit
 DIFFERENCE = 0.1  # of its value, by which a parameter goes for a derivative: grey levels are whole, so less is rough

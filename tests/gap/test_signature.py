@@ -163,7 +163,7 @@ def test_a_start_is_scaled_from_nothing():
 
 
 def test_a_rival_of_what_was_laid_on_is_scaled_until_it_is_one(before):
-    """Fails if how much of an effect there is, is asked of its start alone: a defocus then leaves three times what a blur does."""
+    """Fails if how much of an effect there is, is asked of its start alone: a defocus then leaves three times what blur does."""
     later = after({"lens_blur": {"sigma_px": 0.9}})
     poses = np.array([p.pose for p in before + later])
     comparison = compared(*(signatures_of(photographs, (), map) for photographs in (before, later)), 1, poses)

@@ -59,12 +59,15 @@ def test_black_that_has_grown_in_print_is_named_and_measured():
     assert found["spread_m"] == pytest.approx(0.0004, rel=0.1)
 
 
-def test_what_promises_nothing_is_fitted_where_nothing_else_is_missing(monkeypatch):
-    """Fails if an effect is never looked at that acts where others follow: here none promises anything to first order."""
-    monkeypatch.setattr(Search, "predicted_gain", lambda *_: dict.fromkeys(GROUPS, 0.0))
-    case = signatures_of({"sensor_noise": NOISE, "sharpening": {"amount": 0.7, "sigma_px": 0.85}})
-    _, _, _, outcome = verdict(case, candidates=FEW)
-    assert sorted(step.effect for step in outcome.steps) == ["sensor_noise", "sharpening"]
+def test_what_undoes_a_blur_is_fitted_though_it_promises_nothing(monkeypatch):
+    """Fails if an effect is never looked at that a blur hides: here a sharpening promises nothing to first order."""
+    promised = Search.predicted_gain
+    nothing = dict.fromkeys(GROUPS, 0.0)
+    monkeypatch.setattr(Search, "predicted_gain", lambda s, t, n: nothing if n == "sharpening" else promised(s, t, n))
+    hidden = {"lens_blur": {"sigma_px": 1.2}, "sensor_noise": NOISE, "sharpening": {"amount": 1.5, "sigma_px": 1.5}}
+    names = ["lens_blur", "sensor_noise", "sharpening", "vignetting"]
+    _, _, _, outcome = verdict(signatures_of(hidden), candidates=names)
+    assert sorted(step.effect for step in outcome.steps) == ["lens_blur", "sensor_noise", "sharpening"]
 
 
 def test_what_each_photographs_own_light_does_as_well_does_not_compete():
