@@ -45,7 +45,7 @@ def test_a_boards_cells_are_searched_again_only_where_a_good_share_is_open(monke
 
 @pytest.mark.parametrize("there", ["lens_blur", "vignetting"])
 def test_short_fits_begin_what_a_sharpening_undoes_anew(monkeypatch, there):
-    """Fails if a sharpening is fitted only beside the weak blur that stands for both, or if a fall-off begins anew as well."""
+    """Fails if a sharpening is fitted only beside the weak blur that stands for both, or beside a fall-off, that hides none of it."""
     own, begun = (there, library.nulls_of(there)), []
 
     def short_fit(search, effects, *_):
@@ -58,9 +58,9 @@ def test_short_fits_begin_what_a_sharpening_undoes_anew(monkeypatch, there):
     select_effects.try_by_short_fits(
         search, twin, [SimpleNamespace(effect="sharpening", complete=False, gain=0.0, parameters={})]
     )
-    anew = [(there, start) for start in library.starts_of(there)[:MAX_STARTS]] if there == "lens_blur" else []
+    beside = [own, *((there, start) for start in library.starts_of(there)[:MAX_STARTS])] if there == "lens_blur" else []
     starts = library.starts_of("sharpening")
-    assert begun == [[own], *([beside, ("sharpening", start)] for start in starts for beside in [own, *anew])]
+    assert begun == [[own], *([other, ("sharpening", start)] for start in starts for other in beside)]
 
 
 def twin_with_excess(**excess):
