@@ -45,7 +45,7 @@ def test_a_boards_cells_are_searched_again_only_where_a_good_share_is_open(monke
 
 @pytest.mark.parametrize("there", ["lens_blur", "vignetting"])
 def test_short_fits_begin_what_a_sharpening_undoes_anew(monkeypatch, there):
-    """Fails if a sharpening is fitted only beside the weak blur that stands for both, or beside a fall-off, that hides none of it."""
+    """Fails if a sharpening is fitted only beside the weak blur that stands for both, or beside a fall-off, which hides none."""
     own, begun = (there, library.nulls_of(there)), []
 
     def short_fit(search, effects, *_):
