@@ -294,15 +294,17 @@ def try_by_short_fits(search, twin, candidates):
 
     Their first order promises nothing.
     """
+    names = [c.effect for c in candidates if not (c.complete or is_flexible(c.effect))]
+    undone = {name: [n for n in twin.names if library.undoes(n, name) or library.undoes(name, n)] for name in names}
+    if not any(undone.values()):
+        return candidates
     without, ends = short_fit(search, list(twin.effects), twin.poses, SCALE_FROM_START, ITERATIONS_OF_STARTS), {}
     enough = without.loss - MIN_GAIN / MAX_UNDERSTATED * len(probes(search.train)) / len(search.train)
-    for name in (c.effect for c in candidates if not (c.complete or is_flexible(c.effect))):
-        undone = [n for n in twin.names if library.undoes(n, name) or library.undoes(name, n)]
-        if undone:
-            starts = search.problem.starts_of(name)[:MAX_STARTS]
-            effects = [[*beside, (name, start)] for start in starts for beside in _beside(search, twin, undone)]
-            fits = [short_fit(search, some, twin.poses, SCALE_FROM_START, ITERATIONS_OF_STARTS) for some in effects]
-            ends[name] = min(fits, key=loss_of)
+    for name in (n for n in names if undone[n]):
+        starts = search.problem.starts_of(name)[:MAX_STARTS]
+        effects = [[*beside, (name, start)] for start in starts for beside in _beside(search, twin, undone[name])]
+        fits = [short_fit(search, some, twin.poses, SCALE_FROM_START, ITERATIONS_OF_STARTS) for some in effects]
+        ends[name] = min(fits, key=loss_of)
     least = sorted((n for n in ends if ends[n].loss < enough), key=lambda n: ends[n].loss)[:MAX_TRIED_WHOLLY]
     tried = [search.try_jointly(twin, n, ends[n].state.effects, ends[n].state.poses) for n in least]
     return rank([*(c for c in candidates if c.effect not in least), *tried])

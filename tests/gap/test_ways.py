@@ -58,9 +58,10 @@ def test_short_fits_begin_what_a_sharpening_undoes_anew(monkeypatch, there):
     select_effects.try_by_short_fits(
         search, twin, [SimpleNamespace(effect="sharpening", complete=False, gain=0.0, parameters={})]
     )
-    beside = [own, *((there, start) for start in library.starts_of(there)[:MAX_STARTS])] if there == "lens_blur" else []
+    anew = [(there, start) for start in library.starts_of(there)[:MAX_STARTS]]
     starts = library.starts_of("sharpening")
-    assert begun == [[own], *([other, ("sharpening", start)] for start in starts for other in beside)]
+    beside_a_blur = [[own], *([beside, ("sharpening", start)] for start in starts for beside in [own, *anew])]
+    assert begun == (beside_a_blur if there == "lens_blur" else [])
 
 
 def twin_with_excess(**excess):
