@@ -7,37 +7,38 @@ are free at once. No Blender in the loop: the fit draws the known plates itself 
 Blender's renders by a test).
 """
 
+if not BOARD:
 
-rule observe_captures:
-    input:
-        scene=f"{RESULTS}/expand/{{camera}}/scene.json",
-        register_json=f"{RESULTS}/register/{{camera}}.json",
-        images=captures_of,
-        code=imports_of("observe_captures.py"),
-        finder_code=finder_code,
-        effect_code=[] if BOARD else code_of_effects(effects_that_look()),
-    output:
-        observations=f"{RESULTS}/diagnosis/{{camera}}/observations.npz",
-    log:
-        f"{RESULTS}/logs/observe_captures/{{camera}}.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/observe_captures/{{camera}}.tsv"
-    wildcard_constraints:
-        camera=one_of(UNDIVIDED),
-    # before any diagnosis: the longest of these, of the largest observations, then begins first
-    priority: 80
-    conda:
-        "../envs/twingap.yaml"
-    resources:
-        mem_mb=mem_mb_of("observe_captures"),
-        runtime=runtime_of("observe_captures"),
-    params:
-        campaign=CAMPAIGN,
-        pins=locked("numpy", "scipy", "numba", "opencv-contrib-python-headless"),
-    message:
-        "Measuring what {wildcards.camera} shows of its plates or board"
-    script:
-        "../scripts/observe_captures.py"
+    rule observe_captures:
+        input:
+            scene=f"{RESULTS}/expand/{{camera}}/scene.json",
+            register_json=f"{RESULTS}/register/{{camera}}.json",
+            images=captures_of,
+            code=imports_of("observe_captures.py"),
+            finder_code=finder_code,
+            effect_code=code_of_effects(effects_that_look()),
+        output:
+            observations=f"{RESULTS}/diagnosis/{{camera}}/observations.npz",
+        log:
+            f"{RESULTS}/logs/observe_captures/{{camera}}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/observe_captures/{{camera}}.tsv"
+        wildcard_constraints:
+            camera=one_of(UNDIVIDED),
+        # before any diagnosis: the longest of these, of the largest observations, then begins first
+        priority: 80
+        conda:
+            "../envs/twingap.yaml"
+        resources:
+            mem_mb=mem_mb_of("observe_captures"),
+            runtime=runtime_of("observe_captures"),
+        params:
+            campaign=CAMPAIGN,
+            pins=locked("numpy", "scipy", "numba", "opencv-contrib-python-headless"),
+        message:
+            "Measuring what {wildcards.camera} shows of its plates"
+        script:
+            "../scripts/observe_captures.py"
 
 
 if CELLS:

@@ -1,7 +1,7 @@
 """Register: check every capture, calibrate from boards, find the pose of each capture.
 
 Needs: expand/, the captures (checked against their .dvc file, where there is one). Makes: register/CAMERA.csv, .json,
-register/CAMERA/files.csv (what the files say of themselves).
+register/CAMERA/files.csv (what the files say of themselves); of a board diagnosis/CAMERA/observations.npz, its points.
 """
 
 CALIBRATION = {
@@ -25,6 +25,7 @@ rule register_captures:
     output:
         table=f"{RESULTS}/register/{{camera}}.csv",
         intrinsics=f"{RESULTS}/register/{{camera}}.json",
+        observations=f"{RESULTS}/diagnosis/{{camera}}/observations.npz" if BOARD else [],
     log:
         f"{RESULTS}/logs/register_captures/{{camera}}.log",
     benchmark:
@@ -33,6 +34,7 @@ rule register_captures:
     priority: 60
     conda:
         "../envs/twingap.yaml"
+    threads: 2 if BOARD and len(CAMERAS) == 1 else 1
     resources:
         mem_mb=mem_mb_of("register_captures"),
         runtime=runtime_of("register_captures"),

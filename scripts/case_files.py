@@ -187,20 +187,6 @@ def without_lens(pixels, register_json):
     return cv2.undistortPoints(pixels.reshape(-1, 1, 2), K, distortion, P=K).reshape(pixels.shape)
 
 
-def save_points(file, found, finder):
-    """Write the register.boards.BoardPoints of captures, in order, to an open npz file; NaN where a point is not seen.
-
-    ``finder`` is the number of the finder that found them.
-    """
-    points, index = np.unique(np.concatenate([v.board for v in found]).round(9), axis=0, return_inverse=True)
-    pixels = np.full((len(found), len(points), 2), np.nan)
-    first = 0
-    for k, view in enumerate(found):
-        pixels[k, index.ravel()[first : first + len(view.image)]] = view.image
-        first += len(view.image)
-    np.savez_compressed(file, points=points, pixels=pixels, finder=finder)
-
-
 def read_capture(campaign, image):
     """Return an image (H, W, C) of grey levels, float32, red first; raises InputError where it can't be read."""
     pixels = read_image(Path(campaign) / image)

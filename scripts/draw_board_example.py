@@ -22,7 +22,7 @@ from inputs.images import read_image
 from inputs.render_store import read_station
 from inputs.scene import load_scene
 from register.boards import MIN_POINTS
-from register.finders import board_finder
+from register.finders import board_finders
 from register.registration import NO_PRIOR, lens_of, register_pose
 from rig.errors import InputError
 from rig.geometry import camera_matrix, make_pose
@@ -125,7 +125,8 @@ def _images(facts, register_json, manifest, record, expand, campaign, camera, ro
     size = real.shape[1], real.shape[0]
     T = make_pose(entry["pose"][:3], entry["pose"][3:])
     view = View(K, *size, 0, T, camera, row.capture, row.station, float(facts["exposure"]), facts["encoding"])
-    points = max(board_finder(Board.model_validate(facts["target"]))(image), key=lambda p: len(p.image))
+    finders = board_finders(Board.model_validate(facts["target"]))
+    points = max((find(image) for find in finders), key=lambda p: len(p.image))
     if len(points.image) < MIN_POINTS:
         return [np.zeros((8, 8, 3))] * 3
     lit = in_light_of(lights, row.capture, load_scene(expand).plates[0])

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from case_files import load_measured, load_photographs, read_capture, save_points
+from case_files import load_measured, load_photographs, read_capture
 from effects import library
 from gap.changes import MIN_CAPTURES, Changes, changes
 from gap.photographs import expected_corners
@@ -22,7 +22,7 @@ from gap.split import usable
 from inputs import tables
 from inputs.campaign import Board
 from register.boards import nothing_found
-from register.finders import SECTORS, USUAL, board_finders, board_views
+from register.finders import SECTORS, USUAL, board_finders, board_views, save_points
 from rig.patches import board_patches, inverted_patches
 
 

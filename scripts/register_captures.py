@@ -3,6 +3,7 @@
 import hashlib
 import json
 import logging
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,15 @@ from inputs.photo_facts import focal_px, photo_facts
 from inputs.safe_yaml import load_yaml, validation_message
 from register import calibration
 from register.board_checks import MIN_PHOTOGRAPHS, check_photographs, check_tilt
-from register.finders import better_finder, board_finder, board_views, marker_finder, usable_views, views_of_markers
+from register.finders import (
+    board_views,
+    by_trusted_finder,
+    first_look,
+    marker_finder,
+    save_points,
+    usable_views,
+    views_of_markers,
+)
 from register.outcomes import register_board, register_markers
 from register.registration import lens_of, prior_of
 from rig.errors import InputError
@@ -32,26 +41,33 @@ MAX_MESSAGES = 5
 OF_BASELINE = "before_"  # begins the names of the rules that make a baseline's results (rules/baseline.smk)
 
 
-def look_at_captures(campaign, captures, size, look):
-    """Open and check every image once; return ({capture: hash of its pixels}, {capture: look(image)}).
+def look_at_captures(campaign, captures, size, look, threads=1):
+    """Open and check every image once; return ({capture: hash of its pixels}, {capture: look(capture, image)}).
 
-    One message for all that is wrong with the images of a camera.
+    One message for all that is wrong with the images of a camera. On several ``threads`` looks must not share what they change.
     """
     problems, hashes, seen, first = [], {}, {}, {}
-    for c in tqdm(list(captures.itertuples()), desc="registering captures", unit="image", mininterval=5):
+
+    def opened(c):
         try:
             image = read_image(inside(campaign, c.image, f"{campaign}: capture {c.capture}"), size)
         except InputError as error:
-            problems.append(f"capture {c.capture}: {error}")
-            continue
+            return f"capture {c.capture}: {error}", None, None
         digest = hashlib.sha256(str((image.shape, image.dtype)).encode() + image.tobytes()).hexdigest()
-        if digest in first:
-            name, path = first[digest]
-            problems.append(f"captures {name} ({path}) and {c.capture} ({c.image}) are the same picture")
-        first.setdefault(digest, (c.capture, c.image))
-        hashes[c.capture] = digest
-        if not problems:
-            seen[c.capture] = look(image)
+        return None, digest, None if problems else look(c.capture, image)
+
+    rows = list(captures.itertuples())
+    with ThreadPoolExecutor(threads) as pool:
+        work = zip(rows, pool.map(opened, rows), strict=True)
+        for c, (problem, digest, looked) in tqdm(work, "registering captures", len(rows), unit="image", mininterval=5):
+            if problem:
+                problems.append(problem)
+                continue
+            if digest in first:
+                name, path = first[digest]
+                problems.append(f"captures {name} ({path}) and {c.capture} ({c.image}) are the same picture")
+            first.setdefault(digest, (c.capture, c.image))
+            hashes[c.capture], seen[c.capture] = digest, looked
     if problems:
         more = f" (and {len(problems) - MAX_MESSAGES} more)" if len(problems) > MAX_MESSAGES else ""
         raise InputError("; ".join(problems[:MAX_MESSAGES]) + more)
@@ -89,25 +105,27 @@ def calibration_views(campaign, camera, size, messages):
     board = read_board(where)
     names = sorted(p.name for p in folder.iterdir() if p.suffix.lower() in IMAGES)
     paths = {n: inside(campaign, f"calibration/{camera}/{n}", f"{folder}: image {n}") for n in names}
-    find = board_finder(board)
-    found = {n: find(read_image(p, size)) for n, p in tqdm(paths.items(), desc="calibrating", mininterval=5)}
+    look = first_look(names, board)
+    found = {n: look(n, read_image(p, size)) for n, p in tqdm(paths.items(), desc="calibrating", mininterval=5)}
     if not found:
         messages.append(f"{where}: there is no image beside it")
         return {}
     least = calibration.MIN_VIEWS
-    return usable_views(views_of_board(found, board, lambda n: read_image(paths[n]), size, str(where), least, messages))
+    _, seen = views_of_board(found, board, lambda n: read_image(paths[n]), size, str(where), least, messages)
+    return usable_views(seen)
 
 
-def views_of_board(found, board, open_image, size, where, least, messages):
-    """Return {name: BoardPoints} of a board's images, from {name: [BoardPoints by each finder]}, by the finder to trust.
+def views_of_board(found, board, open_image, size, where, least, messages, threads=1):
+    """Return (number of the finder to trust, {name: BoardPoints} by it) of a board's images, {name: [BoardPoints]} as of
+    ``register.finders.first_look``.
 
     open_image is a function of a name, where the file and key of the board's description, for messages.
     Raises InputError where fewer than ``least`` show the board, or they show another one.
     """
-    images = map(open_image, found)
-    seen = board_views(better_finder(found, size, messages), board, images, where, messages)
+    finder, seen = by_trusted_finder(found, open_image, board, size, messages, threads)
+    seen = board_views(seen, board, map(open_image, found), where, messages)
     check_photographs(seen, board, open_image, where, least)
-    return seen
+    return finder, seen
 
 
 def calibrations(views, size, campaign, camera):
@@ -130,12 +148,15 @@ def exif_focal_px(campaign, captures, size):
     return focal_px(focal_35mm, size) if focal_35mm else None
 
 
-def register_captures(expand, campaign, camera, out_csv, out_json, effects=(), least=MIN_PHOTOGRAPHS):
+def register_captures(
+    expand, campaign, camera, out_csv, out_json, out_points=None, effects=(), least=MIN_PHOTOGRAPHS, threads=1
+):
     """Check and register all captures of a camera; a designed experiment passes on its nominal intrinsics.
 
     expand is the folder of the tables; effects [(name, parameters)] of the twin that move points, behind which the poses are
     fitted, the intrinsics not; of a board at least so many photographs must be usable. Writes the table and the JSON that
-    docs/register.md describes. Raises InputError for captures that can't be what the tables say.
+    docs/register.md describes, and to ``out_points``, where given, a board's points in all captures. Raises InputError for
+    captures that can't be what the tables say.
     """
     expand, messages = Path(expand), []
     facts = json.loads((expand / "scene.json").read_text())
@@ -151,13 +172,18 @@ def register_captures(expand, campaign, camera, out_csv, out_json, effects=(), l
         folder_views = calibration_views(campaign, camera, size, messages)
         if facts["target"]:
             board = Board.model_validate(facts["target"])
-            hashes, found = look_at_captures(campaign, captures, size, board_finder(board))
+            look = first_look(list(captures.capture), board)
+            hashes, found = look_at_captures(campaign, captures, size, look, threads)
             where, open_image = f"{campaign}/campaign.yaml: target", opener(campaign, captures)
-            seen = views_of_board(found, board, open_image, size, where, least, messages)
+            finder, seen = views_of_board(found, board, open_image, size, where, least, messages, threads)
             views, register = usable_views(seen), register_board
+            if out_points:
+                with job.write_atomically(out_points, "wb") as file:
+                    save_points(file, list(seen.values()), finder)
         else:
             markers = tables.read_table(expand / "markers.csv", tables.MARKERS)
-            hashes, seen = look_at_captures(campaign, captures, size, marker_finder(markers))
+            find = marker_finder(markers)
+            hashes, seen = look_at_captures(campaign, captures, size, lambda _, image: find(image))
             views, register = views_of_markers(seen), register_markers
         fits = calibrations(folder_views or (views if facts["target"] else {}), size, campaign, camera)
         exif_px = None if known else exif_focal_px(campaign, captures, size)
@@ -209,6 +235,8 @@ if __name__ == "__main__":
         camera=snakemake.wildcards.camera,
         out_csv=snakemake.output.table,
         out_json=snakemake.output.intrinsics,
+        out_points=snakemake.output.observations or None,
         effects=[(n, p) for n, p in snakemake.params.effects],
         least=least_usable(snakemake.rule, snakemake.config["baseline"]),
+        threads=snakemake.threads,
     )

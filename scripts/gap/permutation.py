@@ -59,9 +59,9 @@ class Moments:
     def asked(self, mine, also_common, labels):
         """Return (gain (m,), evidence (m,)) of a change of parameters under labellings (m, n) of the captures.
 
-        gain is the loss that the second set's difference from the first explains to first order. evidence is Hotelling's
-        statistic of that difference against the scatter of captures within the sets, its cube root in standard deviations
-        over the labellings, so that effects of few and of many parameters compare. ``mine`` and ``also_common`` as in ``about``.
+        gain is the loss that the second set's difference from the first explains to first order. evidence is the cube
+        root of Hotelling's statistic of that difference against the scatter of captures within the sets. ``mine`` and
+        ``also_common`` as in ``about``.
         Sources: C. R. Rao's score test (1948); H. Hotelling, "The generalization of Student's ratio" (1931), its covariance
         shrunk as by O. Ledoit and M. Wolf (2004); E. B. Wilson and M. M. Hilferty, "The distribution of chi-square" (1931).
         """
@@ -87,14 +87,14 @@ class Moments:
         mean = np.trace(scatter, axis1=1, axis2=2)[:, None, None] / k
         scatter = (1 - shrunk) * scatter + shrunk * mean * np.eye(k)
         whitened = np.linalg.solve(np.linalg.cholesky(information), total)
-        root = np.cbrt((whitened * np.linalg.solve(scatter, whitened)).sum((1, 2)))
-        return gain, (root - root.mean()) / max(root.std(), 1e-12)
+        return gain, np.cbrt((whitened * np.linalg.solve(scatter, whitened)).sum((1, 2)))
 
 
 def p_values(evidence):
-    """Return (e,) of evidence (e, m) of e effects under m labellings, the given one first: each against the largest of all.
+    """Return (e,) of evidence (e, m) of e tests under m labellings, the given one first: each against the largest of all.
 
+    Each is counted in its standard deviations over the labellings, so that effects of few and of many parameters compare.
     Source: P. H. Westfall and S. S. Young, "Resampling-based multiple testing" (1993).
     """
-    largest = evidence.max(axis=0)
-    return (largest[None] >= evidence[:, :1] - 1e-9).mean(axis=1)
+    evidence = (evidence - evidence.mean(1, keepdims=True)) / np.maximum(evidence.std(1, keepdims=True), 1e-12)
+    return (evidence.max(0) >= evidence[:, :1] - 1e-9).mean(1)

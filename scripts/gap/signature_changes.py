@@ -15,7 +15,7 @@ from gap.changes import MAX_P, MIN_CAPTURES
 from gap.exchange import MAX_GROUP
 from gap.observables import SIGNS, SIGNS_OF_GROUP
 from gap.parameters import spec
-from gap.permutation import labellings
+from gap.permutation import labellings, p_values
 from gap.search import is_significant
 from gap.signature import OF_LIGHT
 from gap.split import thinned
@@ -107,9 +107,8 @@ def compared(before, after, seed, poses=None, uncounted=()):
     values = left_of @ values
     found = [_statistic(values[order], belongs, left_of) for order in orders(belongs, np.random.default_rng(seed))]
     _, t, whitener, error = found[0]
-    evidence = np.array([f[0] for f in found])
-    evidence = ((evidence - evidence.mean(0)) / np.maximum(evidence.std(0), 1e-12)).max(1)
-    return Compared(counted, t, whitener, float((evidence >= evidence[0] - 1e-9).mean()), error)
+    p = float(p_values(np.array([f[0] for f in found]).T).min())
+    return Compared(counted, t, whitener, p, error)
 
 
 def orders(belongs, rng):

@@ -1,5 +1,6 @@
 """What images show of a rig: its markers, or the points of its board by the finder to trust."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 
@@ -13,6 +14,7 @@ from register.board_checks import only_fitting
 
 USUAL, SECTORS = 0, 1  # places of finders
 SECTORS_ARE_BETTER = 0.6  # the usual chessboard finder stays unless the other nearly halves the residual
+MAX_COMPARED = 8  # photographs in which both look: that of sectors takes twenty times as long
 
 
 @dataclass
@@ -85,10 +87,34 @@ def board_finders(board):
     return [partial(find, board=board) for find in finders]
 
 
-def board_finder(board):
-    """Return a function of an image that returns its BoardPoints by each finder."""
-    finders = board_finders(board)
-    return lambda image: [find(image) for find in finders]
+def first_look(names, board):
+    """Return a function of a name and its image that returns BoardPoints by each finder: by the usual one alone in most of the
+    names.
+    """
+    usual, *others = board_finders(board)
+    compared = spread(names)
+    return lambda name, image: [usual(image), *(find(image) for find in others if name in compared)]
+
+
+def spread(names):
+    """Return MAX_COMPARED of some names at most, spread over them."""
+    return {names[k] for k in np.linspace(0, len(names) - 1, min(len(names), MAX_COMPARED)).round().astype(int)}
+
+
+def by_trusted_finder(found, open_image, board, size, messages, threads=1):
+    """Return (number of the finder to trust, {name: BoardPoints} by it) of what ``first_look`` found, {name: [BoardPoints]}.
+
+    open_image is a function of a name: where that of sectors seems better it looks at the other images as well.
+    """
+    compared, finders = {name: found[name] for name in spread(list(found))}, board_finders(board)
+    if len(finders) == 1 or trusted_finder(compared, size, []) == USUAL:
+        return USUAL, by_finder(found, USUAL)
+    rest = [name for name in found if name not in compared]
+    with ThreadPoolExecutor(threads) as pool:
+        seen = dict(zip(rest, pool.map(lambda name: finders[SECTORS](open_image(name)), rest), strict=True))
+    every = {name: compared.get(name) or [points[USUAL], seen[name]] for name, points in found.items()}
+    number = trusted_finder(every, size, messages)
+    return number, by_finder(every, number)
 
 
 def usable_views(found):
@@ -106,14 +132,17 @@ def views_of_markers(seen):
 def trusted_finder(found, size, messages):
     """Return the number of the finder to trust, USUAL or SECTORS, of {name: [BoardPoints by each finder]}.
 
-    The sector-based chessboard finder is taken where it sees as many boards and nearly halves the residual.
+    The sector-based chessboard finder is taken where it sees as many boards and nearly halves the residual, or the usual one sees
+    too few for one.
     """
-    if any(len(points) == 1 for points in found.values()):
-        return USUAL
     views = [usable_views(by_finder(found, k)) for k in (USUAL, SECTORS)]
-    if len(views[SECTORS]) < max(len(views[USUAL]), calibration.MIN_VIEWS):
+    seen = [len(v) for v in views]
+    if seen[SECTORS] < max(seen[USUAL], calibration.MIN_VIEWS):
         return USUAL
-    rms = [calibration.calibrate(v, size, calibration.MODELS["5"])["rms_px"] if v else np.inf for v in views]
+    if seen[USUAL] < calibration.MIN_VIEWS:
+        messages.append(f"sector-based chessboard finder: it sees {seen[SECTORS]} boards, the usual one {seen[USUAL]}")
+        return SECTORS
+    rms = [calibration.calibrate(v, size, calibration.MODELS["5"])["rms_px"] for v in views]
     if rms[SECTORS] >= SECTORS_ARE_BETTER * rms[USUAL]:
         return USUAL
     messages.append(f"sector-based chessboard finder: residual {rms[SECTORS]:.3f} px instead of {rms[USUAL]:.3f} px")
@@ -123,11 +152,6 @@ def trusted_finder(found, size, messages):
 def by_finder(found, number):
     """Return {name: BoardPoints} of one finder, from {name: [BoardPoints by each finder]}."""
     return {name: points[number] for name, points in found.items()}
-
-
-def better_finder(found, size, messages):
-    """Return {name: BoardPoints} of the finder to trust, from {name: [BoardPoints by each finder]}."""
-    return by_finder(found, trusted_finder(found, size, messages))
 
 
 def board_views(found, board, images, where, messages):
@@ -149,3 +173,17 @@ def board_views(found, board, images, where, messages):
             "turned; geometry is not touched by it, but the twin's board looks inverted"
         )
     return points
+
+
+def save_points(file, found, finder):
+    """Write the BoardPoints of captures, in order, to an open npz file; NaN where a point is not seen.
+
+    ``finder`` is the number of the finder that found them.
+    """
+    points, index = np.unique(np.concatenate([v.board for v in found]).round(9), axis=0, return_inverse=True)
+    pixels = np.full((len(found), len(points), 2), np.nan)
+    first = 0
+    for k, view in enumerate(found):
+        pixels[k, index.ravel()[first : first + len(view.image)]] = view.image
+        first += len(view.image)
+    np.savez_compressed(file, points=points, pixels=pixels, finder=finder)

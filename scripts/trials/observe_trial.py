@@ -20,6 +20,7 @@ import cv2
 import job
 from case_files import load_case, load_observations
 from expand_tables import expand_tables
+from gap.changes import MIN_CAPTURES
 from inputs.campaign import load_campaign
 from observe_captures import observe_captures
 from register_captures import register_captures
@@ -70,11 +71,8 @@ def _observe_real(folder, out):
         _keep_photographs(folder / part, of_part / PHOTOGRAPHS)
         expand_tables(folder / part, None, camera, of_part / "expand")
         try:
-            if part == BASELINE:
-                register_captures(
-                    of_part / "expand", folder / part, camera, of_part / "register.csv", of_part / "register.json"
-                )
-            observe_captures(of_part / "expand", None, folder / part, camera, of_part / OBSERVATIONS)
+            made = of_part / "register.csv", of_part / "register.json", of_part / OBSERVATIONS
+            register_captures(of_part / "expand", folder / part, camera, *made, least=MIN_CAPTURES)
         except InputError as error:
             (out / REFUSED).write_text(f"{error}\n", encoding="utf-8")
             return

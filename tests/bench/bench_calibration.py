@@ -22,7 +22,7 @@ from inputs.campaign import Board, load_campaign  # noqa: E402
 from inputs.images import read_image  # noqa: E402
 from record import record  # noqa: E402
 from register import boards, calibration  # noqa: E402
-from register.finders import better_finder, board_finder, usable_views  # noqa: E402
+from register.finders import USUAL, board_finders, by_finder, trusted_finder, usable_views  # noqa: E402
 from rig.errors import InputError  # noqa: E402
 
 REAL = ROOT.parent / "shared" / "real"
@@ -76,13 +76,14 @@ def board_set(name):
 def board_rows(name):
     """Return the table's rows of one board set: one a README line, and what the program itself takes."""
     board, images = board_set(name)
-    find, found, start = board_finder(board), {}, time.perf_counter()
+    finders, found, start = board_finders(board), {}, time.perf_counter()
     for file, image in images:
-        found[file] = find(image)
+        found[file] = [find(image) for find in finders]
         size = image.shape[1::-1]
     seconds = (time.perf_counter() - start) / len(found)
     listed = sum(int(r["board_corners"] or 0) for r in verified(name))
-    taken, rows = better_finder(found, size, []), []
+    finder = trusted_finder(found, size, []) if len(finders) > 1 else USUAL
+    taken, rows = by_finder(found, finder), []
     for by_sectors, stated in published(REAL / name):
         points = {file: v[1 if by_sectors else 0] for file, v in found.items()}
         views = usable_views(points)

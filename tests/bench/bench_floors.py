@@ -25,7 +25,6 @@ from expand_tables import expand_tables
 from gap.board import FEWEST_POINTS, polynomial_terms
 from generator import draw_effect, nominal, optics
 from generator.photographs import Retaken
-from observe_captures import observe_captures
 from record import record
 from register_captures import register_captures
 
@@ -118,8 +117,8 @@ def measured(folder, out, trials):
     (part / "captures.csv").write_text("\n".join([rows[0], *chosen]) + "\n")
     (part / "campaign.yaml").write_text(CAMPAIGN)
     expand_tables(part, None, "camera", out / "expand")
-    register_captures(out / "expand", part, "camera", out / "register.csv", out / "register.json")
-    observe_captures(out / "expand", out / "register.json", part, "camera", out / "observations.npz")
+    made = out / "register.csv", out / "register.json", out / "observations.npz"
+    register_captures(out / "expand", part, "camera", *made)
     return load_measured(out / "expand", out / "register.json", "camera", out / "observations.npz")
 
 

@@ -37,7 +37,6 @@ from gap.select_effects import BUDGET, verdict  # noqa: E402
 from gap.signature_case import NumbersOf, is_seen_in_cells  # noqa: E402
 from gap.whole_lens import left_out_px, with_whole_lens  # noqa: E402
 from inputs.campaign import Board, load_campaign  # noqa: E402
-from observe_captures import observe_captures  # noqa: E402
 from observe_patches import observe_patches  # noqa: E402
 from record import commit_of, record  # noqa: E402
 from register_captures import register_captures  # noqa: E402
@@ -112,8 +111,7 @@ def diagnosed(name, folder):
     row = dict.fromkeys(COLUMNS, "") | {"set": name}
     try:
         expand_tables(campaign, None, camera, expand)
-        register_captures(expand, campaign, camera, folder / "r.csv", intrinsics)
-        observe_captures(expand, intrinsics, campaign, camera, observations)
+        register_captures(expand, campaign, camera, folder / "r.csv", intrinsics, observations)
         case = load_measured(expand, intrinsics, camera, observations)
     except (InputError, ValueError) as why:
         return row | {"verdict": f"refused: {str(why).rpartition(': ')[2]}"}

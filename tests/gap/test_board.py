@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from case_files import load_measured, save_points, without_lens
+from case_files import load_measured, without_lens
 from effects import library, pipeline
 from effects.base import Scene, View
 from expand_tables import expand_tables
@@ -25,7 +25,7 @@ from gap.board import (
 from gap.derivatives import flat
 from gap.select_effects import verdict
 from gap.whole_lens import left_out_px, whole_lens_record, with_whole_lens
-from register.finders import USUAL
+from register.finders import USUAL, save_points
 from register.registration import NO_PRIOR
 from rig.geometry import camera_matrix, make_pose, perturb_pose, project
 

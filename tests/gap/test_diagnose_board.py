@@ -10,7 +10,6 @@ from describe_files import describe_files
 from diagnose_camera import diagnose_camera
 from effects import library
 from expand_tables import expand_tables
-from observe_captures import observe_captures
 from observe_patches import observe_patches
 from register_captures import register_captures
 from shared_files import shared
@@ -21,8 +20,7 @@ def verdict_on(campaign, folder, candidates=None, cells=False):
     camera = pd.read_csv(campaign / "captures.csv").camera.unique().item()
     expand, intrinsics, observations = folder / "expand", folder / "r.json", folder / "observations.npz"
     expand_tables(campaign, None, camera, expand)
-    register_captures(expand, campaign, camera, folder / "r.csv", intrinsics)
-    observe_captures(expand, intrinsics, campaign, camera, observations)
+    register_captures(expand, campaign, camera, folder / "r.csv", intrinsics, observations)
     candidates = candidates or sorted(library.available_effects())
     out = folder / "out.json", folder / "ladder.csv", folder
     measured = expand, intrinsics, campaign, camera, observations

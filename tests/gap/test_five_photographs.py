@@ -11,7 +11,6 @@ from diagnose_camera import diagnose_camera
 from expand_tables import expand_tables
 from find_changes import find_changes
 from gap.changes import MIN_CAPTURES
-from observe_captures import observe_captures
 from register.board_checks import MIN_PHOTOGRAPHS
 from register_captures import OF_BASELINE, least_usable, register_captures
 from reporting.sentences import verdict_words
@@ -41,8 +40,7 @@ def measured(folder, campaign):
         folder / p for p in ("expand/scene.json", "register.json", "observations.npz", "alone.json")
     )
     expand_tables(campaign, None, CAMERA, scene.parent)
-    register_captures(scene.parent, campaign, CAMERA, register.with_suffix(".csv"), register, least=MIN_CAPTURES)
-    observe_captures(scene.parent, register, campaign, CAMERA, seen)
+    register_captures(scene.parent, campaign, CAMERA, register.with_suffix(".csv"), register, seen, least=MIN_CAPTURES)
     diagnose_camera(
         scene.parent, register, campaign, CAMERA, seen, None, None, [], [], ["focal_length"], 100, 1, [], [],
         folder / "kept", verdict, folder / "ladder.csv", folder / "gaps",
