@@ -199,6 +199,17 @@ def test_same_table_twice(tmp_path):
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
 
 
+def test_threads_find_what_one_finds(tmp_path):
+    """Fails if which of two photographs is looked at first changes a table, the intrinsics or the order of the points."""
+    expand_tables(embedded(), None, "aruco6x6_gridboard", tmp_path / "expand")
+    made = [[tmp_path / str(threads) / name for name in ("r.csv", "r.json", "points.npz")] for threads in (1, 2)]
+    for threads, paths in zip((1, 2), made, strict=True):
+        register_captures(tmp_path / "expand", embedded(), "aruco6x6_gridboard", *paths, threads=threads)
+    assert [path.read_bytes() for path in made[0]] == [path.read_bytes() for path in made[1]]
+    with np.load(made[0][2]) as points:
+        assert np.isfinite(points["pixels"]).all(2).sum() > 21 * boards.MIN_POINTS
+
+
 def test_wrong_legacy_flag_of_a_campaign(tmp_path):
     """A wrong flag in campaign.yaml would come out as "no board"."""
     source = shared("real/charuco_lifecam_480")
