@@ -180,6 +180,8 @@ def register_captures(
             if out_points:
                 with job.write_atomically(out_points, "wb") as file:
                     save_points(file, list(seen.values()), finder)
+                number = sum(len(points.image) for points in seen.values())
+                log.info("%s: %d points found in %d captures", camera, number, len(seen))
         else:
             markers = tables.read_table(expand / "markers.csv", tables.MARKERS)
             find = marker_finder(markers)

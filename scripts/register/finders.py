@@ -88,17 +88,13 @@ def board_finders(board):
 
 
 def first_look(names, board):
-    """Return a function of a name and its image that returns BoardPoints by each finder: by the usual one alone in most of the
-    names.
+    """Return a function of a name and its image that returns BoardPoints by each finder: in MAX_COMPARED of the names,
+    spread over them, in the others by the usual one alone.
     """
     usual, *others = board_finders(board)
-    compared = spread(names)
+    places = np.linspace(0, len(names) - 1, min(len(names), MAX_COMPARED)).round().astype(int)
+    compared = {names[k] for k in places}
     return lambda name, image: [usual(image), *(find(image) for find in others if name in compared)]
-
-
-def spread(names):
-    """Return MAX_COMPARED of some names at most, spread over them."""
-    return {names[k] for k in np.linspace(0, len(names) - 1, min(len(names), MAX_COMPARED)).round().astype(int)}
 
 
 def by_trusted_finder(found, open_image, board, size, messages, threads=1):
@@ -106,7 +102,8 @@ def by_trusted_finder(found, open_image, board, size, messages, threads=1):
 
     open_image is a function of a name: where that of sectors seems better it looks at the other images as well.
     """
-    compared, finders = {name: found[name] for name in spread(list(found))}, board_finders(board)
+    finders = board_finders(board)
+    compared = {name: points for name, points in found.items() if len(points) == len(finders)}
     if len(finders) == 1 or trusted_finder(compared, size, []) == USUAL:
         return USUAL, by_finder(found, USUAL)
     rest = [name for name in found if name not in compared]

@@ -20,7 +20,7 @@ import cv2
 import job
 from case_files import load_case, load_observations
 from expand_tables import expand_tables
-from gap.changes import MIN_CAPTURES
+from inputs.baseline import MIN_CAPTURES
 from inputs.campaign import load_campaign
 from observe_captures import observe_captures
 from register_captures import register_captures

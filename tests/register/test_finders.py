@@ -1,4 +1,4 @@
-"""The finder of a board's points that is trusted: two look at a few photographs, the slow one at all only where it is needed."""
+"""The finder of a board's points that is trusted: two look at a few photographs, the slow one at the rest where it is better."""
 
 from types import SimpleNamespace
 
