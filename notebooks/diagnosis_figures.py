@@ -7,9 +7,10 @@ import figures
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from tabulate import tabulate
 
 from reporting.sentences import changes_words, needs_words, or_others, residue_words
-from rig.words import LADDER, gap_along, with_error
+from rig.words import LADDER, gap_along, plain, with_error
 
 MAX_CANDIDATES = 12
 EXAMPLES = {"real": "real", "configured": "twin as configured", "explained": "twin with what was found"}
@@ -55,6 +56,22 @@ def details_of(diagnosis, plates):
     if diagnosis["candidates"]:
         pictures.append((candidates_figure(diagnosis), f"{camera}: candidates one by one"))
     return pictures
+
+
+def least_seen(diagnosis):
+    """Return Markdown, a table: how much of each effect would have to change to be seen; nothing without a baseline."""
+    rows = [
+        (plain(name), "more than was tried" if amount is None else _amount(amount))
+        for name, amount in sorted(diagnosis.get("least_seen", {}).items())
+    ]
+    if not rows:
+        return ""
+    table = tabulate(rows, ["effect", "least change that is seen in most cases, about"], "github")
+    return f"{diagnosis['camera']}: what would a change have to be, to be seen in captures like these?\n\n{table}"
+
+
+def _amount(parameters):
+    return ", ".join(f"{key} by {value:.2g}" for key, value in parameters.items())
 
 
 def example_figure(results, camera):

@@ -84,8 +84,8 @@ def changes_record(what, alone):
     of_signatures += [(change.after, signature_step(change)) for change in what.signatures]
     steps = steps_told(of_points, of_signatures, signatures_first(what))
     candidates = [
-        {"effect": n, "gap_after": gap(found.last), "se": None, "rank": k + 1, "gain": gain, "p": p}
-        for k, (n, (p, gain)) in enumerate(sorted(found.asked.items(), key=lambda a: (a[1], a[0])))
+        {"effect": n, "gap_after": gap(found.last), "se": None, "rank": k + 1, "gain": a.gain, "p": a.p}
+        for k, (n, a) in enumerate(sorted(found.asked.items(), key=lambda asked: (asked[1].p, asked[1].gain, asked[0])))
     ]
     last = _together(of_points[-1][0], of_signatures[-1][0])
     return {
@@ -108,8 +108,26 @@ def changes_record(what, alone):
         "held_out": alone[1].get("held_out", []),
         "configured": alone[1].get("configured", []),
         "not_looked_at": not_compared(what, alone[1].get("not_looked_at", {})),
+        "least_seen": amounts_seen(what.least_seen),
+        "not_told": not_told(what.least_seen),
         "alone": {k: alone[1].get(k) for k in ("verdict", "gap", "steps", "why") if k in alone[1]},
     }
+
+
+def amounts_seen(least_seen):
+    """Return {effect: {parameter: difference from its null} or None} of {effect: as gap.power.least_seen}; what only says in
+    which form an effect acts is no amount.
+    """
+    amounts = {}
+    for name, seen in least_seen.items():
+        specs = {key: s for key, s in library.parameters_of(name).items() if not (s.auxiliary or s.is_choice)}
+        amounts[name] = seen and {key: seen[1][key] - s.null for key, s in specs.items() if seen[1][key] != s.null}
+    return amounts
+
+
+def not_told(least_seen):
+    """Return the effects of {effect: as gap.power.least_seen} of which even a clear change would most likely go unseen."""
+    return [name for name, seen in least_seen.items() if seen is None or seen[0] > 1]
 
 
 def verdict_of(what):

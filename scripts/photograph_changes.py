@@ -7,7 +7,7 @@ would pass for a lens. What points show is laid on as well: another lens smooths
 
 import json
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,7 @@ from effects import library
 from gap.changes import MIN_CAPTURES, Changes, changes
 from gap.photographs import expected_corners
 from gap.signature import MIN_PATCHES, OF_CODEC, Photograph
-from gap.signature_changes import laid_on_numbers, signature_changes, why_not_comparable
+from gap.signature_changes import laid_on_numbers, least_seen_of, signature_changes, why_not_comparable
 from gap.split import usable
 from inputs import tables
 from inputs.campaign import Board
@@ -94,6 +94,7 @@ def shines(image, corners):
 class WhatChanged:
     """Changes of where points lie, changes [gap.signature_changes.SignatureChange] of all else and p of what these leave.
 
+    least_seen {effect: (times, {parameter: value}) or None}: the least amount that would have been seen (gap.power.least_seen)
     photographs are those of each set [gap.signature.Photograph] that were compared; ``why_points_alone`` says why nothing but
     points was, None where more was.
     """
@@ -101,6 +102,7 @@ class WhatChanged:
     points: Changes
     signatures: tuple
     p_left: float = 1.0
+    least_seen: dict = field(default_factory=dict)
     photographs: tuple = ((), ())
     why_points_alone: str | None = None
 
@@ -113,7 +115,8 @@ def what_changed(sets, camera, effects=(), candidates=None, threads=1):
     """
     problems = [s.measured(camera) for s in sets]
     if not problems[0].is_board:
-        return WhatChanged(changes(*problems, effects, candidates, threads), ())
+        points = changes(*problems, effects, candidates, threads)
+        return WhatChanged(points, (), least_seen=points.least_seen)
     photographs = [
         s.photographs(camera, {c.view.capture: c.view for c in problem.captures})
         for s, problem in zip(sets, problems, strict=True)
@@ -127,8 +130,8 @@ def what_changed(sets, camera, effects=(), candidates=None, threads=1):
     effects = [(name, p) for name, p in effects if library.is_pure_geometry(name)]  # all that points show
     points = changes(*problems, effects, candidates, threads)
     if why := why_not_comparable(*showing):
-        return WhatChanged(points, (), why_points_alone=why)
-    found, p_left = signature_changes(*showing, candidates, camera, threads)
+        return WhatChanged(points, (), least_seen=points.least_seen, why_points_alone=why)
+    found, p_left, comparison = signature_changes(*showing, candidates, camera, threads)
     if found:
         again = list(problems)
         for less in (False, True):
@@ -139,7 +142,8 @@ def what_changed(sets, camera, effects=(), candidates=None, threads=1):
             found, p_left = [], 1.0
         elif points.changes or not laid_on.changes:
             points = laid_on
-    return WhatChanged(points, tuple(found), p_left, showing)
+    least = points.least_seen | least_seen_of(comparison, *showing, found, candidates, threads)
+    return WhatChanged(points, tuple(found), p_left, least, showing)
 
 
 def by_one_finder(sets, camera, problems, photographs):

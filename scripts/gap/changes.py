@@ -17,7 +17,8 @@ from gap.joined import joined
 from gap.joint_fit import JointFit, JointTwin, Slots, moments, ridge_of
 from gap.observables import corners_in
 from gap.parameters import fitted_parameters, image_step, spec
-from gap.permutation import MAX_DIRECTIONS, Moments, labellings, p_values
+from gap.permutation import MAX_DIRECTIONS, Differences, Moments, labellings, p_values
+from gap.power import TRIED, least_seen
 from gap.problem import may_have
 from gap.residuals import NU, flatten, rho
 from gap.search import is_significant
@@ -50,7 +51,7 @@ class Change:
 class Changes:
     """What came of a comparison: the changes in the order found, the twin before any, and what is left.
 
-    asked  {effect: (p, gain)} at the end, p_left the least p of those that would be worth their parameters; p_other of a
+    asked  {effect: Asked} at the end, p_left the least p of those that would be worth their parameters; p_other of a
     difference in scatter that no effect explains
     """
 
@@ -70,6 +71,12 @@ class Changes:
     def captures_of(self, number):
         """Return the indices of the captures of a set, 0 or 1, that were compared."""
         return self.fit.members[number]
+
+    @property
+    def least_seen(self):
+        """{effect: as gap.power.least_seen} of those that have not changed; a free warp has no amount."""
+        names = [n for n in self.asked if not is_flexible(n)]
+        return {n: least_seen(n, lambda parameters, n=n: power_to_see(n, self.asked, parameters)) for n in names}
 
     def residuals_of_points(self, i):
         """Return (seen (p, 2), off (p, 2)) of capture i: its points or plates' centres, and how far off the twin has them
@@ -115,8 +122,7 @@ def changes(before, after, effects=(), candidates=None, threads=1):
             base_fit, alone, (Change(warp.effect, alone, warp.p, ()),), names, labels, threads
         )
     p_other = p_of_scatter(last, labels)
-    told = {n: (a.p, a.gain) for n, a in asked.items()}
-    return Changes(tuple(found), twin, last, told, p_of_change(asked), p_other, fit)
+    return Changes(tuple(found), twin, last, asked, p_of_change(asked), p_other, fit)
 
 
 def forward(fit, twin, found, names, labels, threads):
@@ -199,11 +205,14 @@ def with_shape(fit, twin, threads):
 
 @dataclass(frozen=True)
 class Asked:
-    """What a change of an effect would explain to first order: its parameters, the loss gained, p against all others."""
+    """What a change of an effect would explain to first order: its parameters, the loss gained, p against all others, and what
+    both come from.
+    """
 
     parameters: tuple
     gain: float
     p: float
+    differences: Differences
 
 
 def ask(fit, twin, names, labels):
@@ -231,14 +240,24 @@ def ask(fit, twin, names, labels):
         expand[k][slots.of[k], np.arange(len(free))] = 1
     D = np.array([np.concatenate([expand[fit.belongs[i]], np.eye(len(every))]) for i in fit.indices])
     made = Moments(D @ H @ D.transpose(0, 2, 1), np.einsum("nab,nb->na", D, g), precision)
-    found, evidence = {}, []
+    differences = {}
     for n in names:
         mine = np.array([every.index(f) for f in columns[n]])
-        gain, e = made.asked(mine, n not in twin.names, labels)
-        evidence.append(e)
-        found[n] = Asked(tuple(columns[n]), float(gain[0]), np.nan)
-    p = p_values(np.array(evidence))
-    return {n: replace(a, p=float(p[k])) for k, (n, a) in enumerate(found.items())}
+        differences[n] = made.differences(mine, n not in twin.names, labels)
+    p = p_values(np.array([d.evidence() for d in differences.values()]))
+    return {
+        n: Asked(tuple(columns[n]), float(d.gain()[0]), float(p[k]), d) for k, (n, d) in enumerate(differences.items())
+    }
+
+
+def power_to_see(name, asked, parameters):
+    """Return in which share of divisions points would tell an effect with parameters, one of {effect: Asked}."""
+    nulls, differences = library.nulls_of(name), asked[name].differences
+    more = np.array([parameters[key] - nulls[key] for _, key in asked[name].parameters])
+    beside = [a.differences.evidence() for n, a in asked.items() if n != name]
+    given = thinned(range(len(differences.labels)), TRIED)
+    p = [p_values(np.array([differences.with_more(more, k).evidence(), *beside]), k)[0] for k in given]
+    return np.mean(np.array(p) <= MAX_P)
 
 
 def named(fit, twin, asked):

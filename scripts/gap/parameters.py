@@ -52,6 +52,16 @@ def prior_loss(free, theta):
     return float((precision * (theta - null) ** 2).sum())
 
 
+def scaled(name, nulls, start, scale):
+    """Return an effect's parameters as far from the null as a start, times a scale, within their bounds."""
+    out = dict(start)
+    for key in start:
+        s = spec((name, key))
+        if not s.auxiliary:
+            out[key] = float(np.clip(nulls[key] + scale * (start[key] - nulls[key]), s.lower, s.upper))
+    return out
+
+
 def small_step(parameter):
     """Return a step for derivatives of exact point maps."""
     return 1e-2 * spec(parameter).matters

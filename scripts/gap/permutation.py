@@ -5,7 +5,7 @@ All is a function of the captures' information matrices and scores (gap.joint_fi
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,8 +41,9 @@ class Moments:
     precision: np.ndarray
 
     def about(self, mine, also_common):
-        """Return (H (n, a, a), g (n, a), k): common entries and, last, k directions of what the parameters ``mine`` may do.
+        """Return (H (n, a, a), g (n, a), directions (k, p)): common entries and, last, k directions of what parameters may do.
 
+        ``mine`` (p,) are their numbers among those that may change.
         Directions tell alike much in all captures together, and of many parameters only those that tell most are kept. They are
         common entries as well where they are ``also_common``: a value that all captures may have.
         """
@@ -54,18 +55,16 @@ class Moments:
         pick = np.zeros((len(told), self.H.shape[1]))
         pick[:, s + mine] = (basis / np.sqrt(told + RIDGE)).T / scale
         D = np.concatenate([np.eye(s, self.H.shape[1]), *[pick] * (1 + also_common)])
-        return D @ self.H @ D.T, self.g @ D.T, len(pick)
+        return D @ self.H @ D.T, self.g @ D.T, pick[:, s + mine]
 
-    def asked(self, mine, also_common, labels):
-        """Return (gain (m,), evidence (m,)) of a change of parameters under labellings (m, n) of the captures.
+    def differences(self, mine, also_common, labels):
+        """Return the Differences of parameters under labellings (m, n) of the captures, arguments as of ``about``.
 
-        gain is the loss that the second set's difference from the first explains to first order. evidence is the cube
-        root of Hotelling's statistic of that difference against the scatter of captures within the sets. ``mine`` and
-        ``also_common`` as in ``about``.
-        Sources: C. R. Rao's score test (1948); H. Hotelling, "The generalization of Student's ratio" (1931), its covariance
-        shrunk as by O. Ledoit and M. Wolf (2004); E. B. Wilson and M. M. Hilferty, "The distribution of chi-square" (1931).
+        Sources: C. R. Rao's score test (1948); O. Ledoit and M. Wolf, "A well-conditioned estimator for large-dimensional
+        covariance matrices" (2004).
         """
-        H, g, k = self.about(mine, also_common)
+        H, g, directions = self.about(mine, also_common)
+        k = len(directions)
         n, a = g.shape
         c, J = slice(0, a - k), slice(a - k, a)
         ridge = np.concatenate([self.precision, np.full(a - k - len(self.precision), RIDGE)])
@@ -78,7 +77,6 @@ class Moments:
         information += RIDGE * np.eye(k)
         total = (labels @ score)[..., None]
         delta = np.linalg.solve(information, total)
-        gain = (delta * total).sum((1, 2))
         follow = (B.transpose(0, 2, 1) @ delta)[..., 0] @ inverse
         left = score[..., None] + (H_Jc.reshape(n * k, -1) @ follow.T).reshape(n, k, -1)
         left = left - labels.T[:, None] * (H_JJ.reshape(n * k, k) @ delta[..., 0].T).reshape(n, k, -1)
@@ -86,15 +84,51 @@ class Moments:
         shrunk = k / (k + n - 2)
         mean = np.trace(scatter, axis1=1, axis2=2)[:, None, None] / k
         scatter = (1 - shrunk) * scatter + shrunk * mean * np.eye(k)
-        whitened = np.linalg.solve(np.linalg.cholesky(information), total)
-        return gain, np.cbrt((whitened * np.linalg.solve(scatter, whitened)).sum((1, 2)))
+        return Differences(self, mine, also_common, labels, total, information, scatter, directions)
 
 
-def p_values(evidence):
-    """Return (e,) of evidence (e, m) of e tests under m labellings, the given one first: each against the largest of all.
+@dataclass(frozen=True)
+class Differences:
+    """One-step differences of the second set from the first in k directions of some parameters, under m labellings.
+
+    moments, mine, also_common and labels (m, n) they are made of; total (m, k, 1) of the second set's scores, information
+    (m, k, k) on the difference, scatter (m, k, k) of the scores within the sets; directions (k, p) of the parameters
+    """
+
+    moments: Moments
+    mine: np.ndarray
+    also_common: bool
+    labels: np.ndarray
+    total: np.ndarray
+    information: np.ndarray
+    scatter: np.ndarray
+    directions: np.ndarray
+
+    def gain(self):
+        """Return the loss (m,) that the differences explain to first order."""
+        return (np.linalg.solve(self.information, self.total) * self.total).sum((1, 2))
+
+    def evidence(self):
+        """Return the evidence (m,) of a change: the cube root of Hotelling's statistic of the difference against the scatter.
+
+        Sources: H. Hotelling, "The generalization of Student's ratio" (1931); E. B. Wilson and M. M. Hilferty, "The
+        distribution of chi-square" (1931).
+        """
+        whitened = np.linalg.solve(np.linalg.cholesky(self.information), self.total)
+        return np.cbrt((whitened * np.linalg.solve(self.scatter, whitened)).sum((1, 2)))
+
+    def with_more(self, more, given):
+        """Return the Differences where the second set of labelling ``given`` has ``more`` (p,) of the parameters besides."""
+        made = self.moments
+        of_second = self.labels[given][:, None] * (made.H[:, :, len(made.precision) + self.mine] @ more)
+        return replace(made, g=made.g + of_second).differences(self.mine, self.also_common, self.labels)
+
+
+def p_values(evidence, given=0):
+    """Return (e,) of evidence (e, m) of e tests under m labellings, one of them given: each against the largest of all.
 
     Each is counted in its standard deviations over the labellings, so that effects of few and of many parameters compare.
     Source: P. H. Westfall and S. S. Young, "Resampling-based multiple testing" (1993).
     """
     evidence = (evidence - evidence.mean(1, keepdims=True)) / np.maximum(evidence.std(1, keepdims=True), 1e-12)
-    return (evidence.max(0) >= evidence[:, :1] - 1e-9).mean(1)
+    return (evidence.max(0) >= evidence[:, [given]] - 1e-9).mean(1)

@@ -15,10 +15,12 @@ from effects import library, pipeline
 from effects.encoding import srgb_decode
 from gap.observables import CORNERS, MIN_SIGN_FLOOR, SIGNS, SIGNS_OF_GROUP, corners_in
 from gap.parameters import get_parameter, image_step, with_parameters
+from gap.power import clear_ones
 from gap.predict.predictor import Kept
 from gap.predict.synthesis import ground_seen_at, shade, window_coverages
 from gap.signature import MIN_PATCHES, Photograph
-from gap.signature_changes import FIRST_STEP, MIN_SHOWING, can_be_laid_on
+from gap.signature_changes import can_be_laid_on
+from gap.signature_comparison import MIN_SHOWING
 from gap.solver import Solver
 from job import seed_of
 from rig.light import LIGHT
@@ -190,16 +192,7 @@ class SignatureCase:
 
     def is_like_light(self, effect):
         """Return whether another gain and stray light of each colour do all that an effect does where it is clearly seen."""
-        return all(_share_of_light(self.twins[0], effect, p) > MIN_SHARE_OF_LIGHT for p in _clear_ones(effect))
-
-
-def _clear_ones(effect):
-    """Return parameters [{name: value}] with which an effect is clearly seen: its starts, or each parameter moved by itself."""
-    nulls, starts = library.nulls_of(effect), library.starts_of(effect)
-    if any(nulls | start != nulls for start in starts):
-        return starts
-    acting = {k: p for k, p in library.parameters_of(effect).items() if not (p.auxiliary or p.is_choice)}
-    return [nulls | {k: nulls[k] + FIRST_STEP * p.matters} for k, p in acting.items()]
+        return all(_share_of_light(self.twins[0], effect, p) > MIN_SHARE_OF_LIGHT for p in clear_ones(effect))
 
 
 def _share_of_light(twin, effect, start):

@@ -5,6 +5,7 @@ ones where it has become less, and the one that takes one set's signatures to th
 """
 
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,16 +15,15 @@ from effects import library
 from gap.changes import MAX_P, MIN_CAPTURES
 from gap.exchange import MAX_GROUP
 from gap.observables import SIGNS, SIGNS_OF_GROUP
-from gap.parameters import spec
-from gap.permutation import labellings, p_values
+from gap.parameters import scaled, spec
+from gap.power import least_seen
 from gap.search import is_significant
-from gap.signature import OF_LIGHT
+from gap.signature_comparison import compared
 from gap.split import thinned
 from job import seed_of
 
-MIN_SHOWING = 0.8  # of the photographs, that show a sign which counts
-MAX_DIVISIONS = 5000  # of photographs between the sets: of 1,000 a p of 0.01 would be told to a third
 MAX_LAID, PATCHES_LAID = 4, 6  # photographs of a set, patches of each, on which effects are laid to see what they do
+LAID_FOR_POWER = 2  # photographs, as many amounts are laid on
 SCALES = (0.1, 4.0)  # of an effect's starts, at least and at most
 TIMES_SCALED = 2  # what effects do is not linear
 FIRST_STEP = 5.0  # times what matters, from effects that start at nothing
@@ -36,7 +36,6 @@ MIN_SHARE_OF_NEXT = (
 )
 MAX_CHANGES = 3
 AFTER_LENS = [SIGNS.index(name) for name in SIGNS_OF_GROUP["noise"]]
-LIT = [SIGNS.index(name) for name in OF_LIGHT]
 MAX_TIMES_LEFT = 2.0  # times what the best leaves, up to which another effect explains alike
 
 
@@ -65,87 +64,6 @@ class SignatureChange:
     def laid(self):
         """The effect as it is laid on: [(name, parameters)]."""
         return [(self.effect, self.parameters)]
-
-
-@dataclass(frozen=True)
-class Compared:
-    """Signatures of two sets: which signs count, their differences in standard errors t (k,), what whitens these, p, the
-    errors (k,) of differences of means.
-    """
-
-    counted: np.ndarray
-    t: np.ndarray
-    whitener: np.ndarray
-    p: float
-    error: np.ndarray
-
-    def distance(self, moved):
-        """Return the whitened differences (k,) that a move (len(SIGNS),) of the earlier signatures leaves."""
-        return self.whitener @ (self.t - np.nan_to_num(moved[self.counted]) / self.error)
-
-    def is_of_light(self, moved):
-        """Return whether a move (len(SIGNS),) is most of all one of signs that another lamp moves as well."""
-        squares = (np.nan_to_num(moved[self.counted]) / self.error) ** 2
-        return bool(squares[np.isin(self.counted, LIT)].sum() > squares.sum() / 2)
-
-
-def compared(before, after, seed, poses=None, uncounted=()):
-    """Return the Compared of signatures (n, len(SIGNS)) of two sets, but for signs ``uncounted``; a seed draws permutations.
-
-    What signs follow of the photographs' ``poses`` (both sets', m), if given, is regressed out, and permuted is what is left.
-    Source: D. Freedman and D. Lane, "A nonstochastic interpretation of reported significance levels" (1983).
-    """
-    every, belongs = np.concatenate([before, after]), np.repeat([0, 1], [len(before), len(after)])
-    shown = np.isfinite(every)
-    showing = np.minimum(*(shown[belongs == k].mean(0) for k in (0, 1)))
-    counted = np.flatnonzero((showing >= MIN_SHOWING) & ~np.isin(SIGNS, uncounted))
-    values = every[:, counted]
-    for k in (0, 1):
-        own = belongs == k
-        values[own] = np.where(np.isfinite(values[own]), values[own], np.nanmedian(values[own], axis=0))
-    left_of = residual_maker(np.zeros((len(every), 0)) if poses is None else poses)
-    values = left_of @ values
-    found = [_statistic(values[order], belongs, left_of) for order in orders(belongs, np.random.default_rng(seed))]
-    _, t, whitener, error = found[0]
-    p = float(p_values(np.array([f[0] for f in found]).T).min())
-    return Compared(counted, t, whitener, p, error)
-
-
-def orders(belongs, rng):
-    """Return orders (m lists of n) of captures, the given one first: each division between the sets once, within by ``rng``."""
-    divisions = labellings(belongs, rng, MAX_DIVISIONS)[1:]
-    drawn = [np.concatenate([rng.permutation(np.flatnonzero(labels == k)) for k in (0, 1)]) for labels in divisions]
-    return [np.arange(len(belongs)), *drawn]
-
-
-def residual_maker(regressors):
-    """Return the matrix (n, n) that takes values to what their mean and regressors (n, m) leave, a ridge on each.
-
-    Few photographs tell little of a slope: in standard deviations its prior is a ``1 / n^(1/4)`` of a value's.
-    """
-    n, m = regressors.shape
-    x = (regressors - regressors.mean(0)) / np.maximum(regressors.std(0), 1e-9)
-    return np.eye(n) - 1 / n - x @ np.linalg.solve(x.T @ x + np.sqrt(n) * np.eye(m), x.T)
-
-
-def _statistic(values, belongs, left_of):
-    """Return (evidence (2,), differences t, whitener, errors of differences) of values (n, k) of two sets, ``belongs`` (n,).
-
-    Both are regressed by ``left_of`` (n, n). Evidence of a change is Hotelling's statistic, its cube root, and the largest
-    difference: of many signs, or of one. Correlations are shrunk towards none, as n photographs tell few. Source: O. Ledoit and
-    M. Wolf, "A well-conditioned estimator for large-dimensional covariance matrices" (2004).
-    """
-    n, k = values.shape
-    belongs = left_of @ belongs
-    difference = belongs @ values / (belongs @ belongs)
-    within, free = values - np.outer(belongs, difference), np.trace(left_of) - 1
-    sd = np.sqrt((within**2).sum(0) / free) + 1e-6
-    error = sd / np.sqrt(belongs @ belongs)
-    t = difference / error
-    shrunk = k / (k + n - 2)
-    correlation = (1 - shrunk) * (within / sd).T @ (within / sd) / free + shrunk * np.eye(k)
-    whitener = np.linalg.inv(np.linalg.cholesky(correlation))
-    return (np.cbrt(((whitener @ t) ** 2).sum()), np.abs(t).max()), t, whitener, error
 
 
 def candidates_of(names, in_colour):
@@ -279,16 +197,6 @@ def laid_on(name, parameters, layer, comparison):
     )
 
 
-def scaled(name, nulls, start, scale):
-    """Return an effect's parameters as far from the null as a start, times a scale, within their bounds."""
-    out = dict(start)
-    for key in start:
-        s = spec((name, key))
-        if not s.auxiliary:
-            out[key] = float(np.clip(nulls[key] + scale * (start[key] - nulls[key]), s.lower, s.upper))
-    return out
-
-
 def refined(trial, layer, comparison):
     """Return a Trial with its effect's parameters fitted."""
     name, keys = trial.effect, library.fitted_parameters(trial.effect)
@@ -325,21 +233,47 @@ def why_not_comparable(before, after):
 
 
 def signature_changes(before, after, candidates, seed_name, threads=1, uncounted=()):
-    """Return ([SignatureChange], p of what is left) from photographs (gap.signature.Photograph) of one set to another's.
+    """Return ([SignatureChange], p of what is left, Compared with them laid on) from photographs (gap.signature.Photograph) of
+    one set to another's.
 
     ``uncounted`` are names of signs that are not compared. Sets are large enough (``why_not_comparable``).
     """
-    with ThreadPoolExecutor(threads) as pool:
-        each = pool.map if threads > 1 else map
+    with each_by(threads) as each:
         return _changes((before, after), candidates, seed_of("signatures", seed_name), each, uncounted)
+
+
+def least_seen_of(comparison, before, after, found, candidates, threads=1):
+    """Return {effect: as gap.power.least_seen} of what ``signature_changes`` of the same arguments has not found."""
+    known = {name for change in found for name in (change.effect, *change.one_of)}
+    with each_by(threads) as each:
+        layer = Layer(
+            thinned(before, LAID_FOR_POWER), [effect for c in found if not c.less for effect in c.laid], 1, each
+        )
+
+        def power_of(name):
+            return lambda parameters: comparison.power(layer.move([(name, parameters)]), MAX_P)
+
+        return {n: least_seen(n, power_of(n)) for n in competing((before, after), candidates) if n not in known}
+
+
+@contextmanager
+def each_by(threads):
+    """Give what maps, as map does, on so many threads."""
+    with ThreadPoolExecutor(threads) as pool:
+        yield pool.map if threads > 1 else map
+
+
+def competing(sets, candidates):
+    """Return the names of the effects, of ``candidates`` or of all, that can be laid on both sets' photographs."""
+    in_colour = all(p.image.shape[2] > 1 for photographs in sets for p in photographs)
+    return candidates_of(candidates or sorted(library.available_effects()), in_colour)
 
 
 def _changes(sets, candidates, seed, each, uncounted):
     found, laid, at_first = [], ([], []), None
     signatures = [signatures_of(photographs, (), each) for photographs in sets]
     poses = np.array([p.pose for photographs in sets for p in photographs])
-    in_colour = all(p.image.shape[2] > 1 for photographs in sets for p in photographs)
-    names = candidates_of(candidates or sorted(library.available_effects()), in_colour)
+    names = competing(sets, candidates)
     while True:
         comparison = compared(*signatures, seed, poses, uncounted)
         start = comparison.distance(np.zeros(len(SIGNS)))
@@ -347,10 +281,10 @@ def _changes(sets, candidates, seed, each, uncounted):
         at_first = at_first or total
         little = bool(found) and total - len(comparison.counted) < MIN_SHARE_OF_NEXT * at_first
         if comparison.p > MAX_P or little or len(found) == MAX_CHANGES:
-            return found, 1.0 if little else comparison.p
+            return found, 1.0 if little else comparison.p, comparison
         change = _named(sets, laid, names, comparison, total, each)
         if change is None:
-            return found, comparison.p
+            return found, comparison.p, comparison
         found.append(change)
         laid[change.less].extend(change.laid)
         moved = signatures_of(sets[change.less], laid[change.less], each)

@@ -185,6 +185,8 @@ def changes_words(diagnosis):
         )
     if diagnosis["verdict"] == "unexplained":
         words.append("Something has changed that no known effect explains.")
+    if hidden := [plain(name) for name in diagnosis.get("not_told", [])]:
+        words.append(f"Of {listed(hidden)} even a clear change would most likely go unseen in these captures.")
     why = diagnosis.get("alone", {}).get("why")
     alone = f" Of what these captures show by themselves nothing could be diagnosed: {why}." if why else ""
     return " ".join(words) + alone + not_looked_at_words(diagnosis)

@@ -53,6 +53,7 @@ def test_a_rig_whose_camera_is_the_same_has_not_changed(earlier, tmp_path):
     record = record_of(tmp_path, earlier, campaign_of(tmp_path, "as before", []))
     assert (record["verdict"], record["steps"]) == ("adequate", [])
     assert record["captures"] == [6, 6] and record["gap"] < 1.2
+    assert set(record["least_seen"]) == set(CANDIDATES) and 0 < record["least_seen"]["vignetting"]["a2"] < 0.3
 
 
 def test_what_a_rig_shows_besides_points_is_named_alone_with_both_values(earlier, tmp_path):

@@ -56,7 +56,7 @@ def after(effects):
 
 def test_nothing_is_named_where_nothing_has_changed(before):
     """Fails if other photographs, each in its own light and pose, pass for another camera."""
-    found, p = signature_changes(before, after({}), NAMES, "c")
+    found, p, _ = signature_changes(before, after({}), NAMES, "c")
     assert not found and p > 0.01
 
 
@@ -70,7 +70,7 @@ def test_nothing_is_named_where_nothing_has_changed(before):
 )
 def test_what_was_laid_on_is_named_with_its_size(before, name, laid, parameter, value):
     """Fails if a change gets another name, goes the wrong way, or its size is not the generator's."""
-    found, p = signature_changes(before, after({name: laid}), NAMES, "c")
+    found, p, _ = signature_changes(before, after({name: laid}), NAMES, "c")
     assert [(c.effect, c.less) for c in found] == [(name, False)] and p > 0.01
     off = found[0].parameters[parameter] - value
     assert abs(off) < 0.1 * value + 3 * found[0].errors[parameter]
@@ -81,13 +81,13 @@ def test_what_was_laid_on_is_named_with_its_size(before, name, laid, parameter, 
 def test_what_is_too_small_for_a_name_leaves_it_to_the_next(before, monkeypatch):
     """Fails if a blur has no name because another effect, too small to matter, explains it a little better."""
     monkeypatch.setattr(gap.signature_changes, "is_significant", lambda effect, *_: effect != "lens_blur")
-    found, _ = signature_changes(before, after({"lens_blur": {"sigma_px": 1.2}}), ["lens_blur", "defocus"], "c")
+    found, *_ = signature_changes(before, after({"lens_blur": {"sigma_px": 1.2}}), ["lens_blur", "defocus"], "c")
     assert [c.effect for c in found] == ["defocus"]
 
 
 def test_no_candidate_is_no_name(before):
     """Fails if a campaign whose candidates are all of geometry ends in an error."""
-    found, p = signature_changes(before, after({"lens_blur": {"sigma_px": 1.2}}), ["radial_distortion"], "c")
+    found, p, _ = signature_changes(before, after({"lens_blur": {"sigma_px": 1.2}}), ["radial_distortion"], "c")
     assert not found and p <= 0.01
 
 
@@ -95,7 +95,7 @@ def test_less_of_an_effect_is_a_change_too():
     """Fails if only what is added counts: here a blur goes away, and noise, which comes after a lens, stays."""
     noise = {"sensor_noise": {"full_well_e": 3000.0, "read_noise_e": 20.0}}
     sets = taken("before", {"lens_blur": {"sigma_px": 1.2}} | noise, range(0, 14, 2)), after(noise)
-    found, _ = signature_changes(*sets, NAMES, "c")
+    found, *_ = signature_changes(*sets, NAMES, "c")
     assert [(c.effect, c.less) for c in found] == [("lens_blur", True)]
 
 

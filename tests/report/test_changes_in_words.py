@@ -1,6 +1,7 @@
 """What has changed is told in a sentence a change, from how much to how much."""
 
 from reporting.sentences import verdict_words
+from workflow_runs import PROJECT
 
 STEP = {"effect": "focal_length", "parameters": {"ratio": {"from": 1.001, "to": 1.0402, "se": 0.0012, "value": 1.0402}}}
 DIAGNOSIS = {"verdict": "explained", "baseline": "june", "captures": [7, 6], "steps": [STEP]}
@@ -30,3 +31,23 @@ def test_what_another_lamp_would_do_as_well_is_said():
     """Fails if a photographer who moved a lamp reads that the camera has changed, and nothing else."""
     said = verdict_words(DIAGNOSIS | {"steps": [STEP | {"effect": "exposure", "like_light": True}]})
     assert "exposure (or the light is another) has changed" in said
+
+
+def test_what_could_have_changed_unseen_is_said():
+    """Fails if nothing changed reads as proof, where these captures would not have shown it."""
+    said = verdict_words(DIAGNOSIS | {"verdict": "adequate", "steps": [], "not_told": ["focal_length", "exposure"]})
+    assert said.endswith(
+        "Of focal length and exposure even a clear change would most likely go unseen in these captures."
+    )
+
+
+def test_the_table_of_what_would_be_seen_names_each_amount(monkeypatch):
+    """Fails if an effect that no amount shows reads as one that a small one does, or a verdict without baseline gets a table."""
+    monkeypatch.syspath_prepend(PROJECT / "notebooks")
+    import diagnosis_figures
+
+    least = {"radial_distortion": {"k1": 0.0312, "k2": -0.2}, "exposure": None}
+    table = diagnosis_figures.least_seen({"camera": "c", "least_seen": least})
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()[-2:]]
+    assert rows == [["exposure", "more than was tried"], ["radial distortion", "k1 by 0.031, k2 by -0.2"]]
+    assert diagnosis_figures.least_seen({"camera": "c"}) == ""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import photograph_changes
-from find_changes import changes_record
+from find_changes import amounts_seen, changes_record
 from photograph_changes import by_one_finder, pixels_of, shines, what_changed
 from register.boards import MIN_POINTS
 from register.finders import SECTORS, USUAL
@@ -56,6 +56,16 @@ def test_the_difference_goes_away_with_what_has_a_name(blurred):
 def test_what_signatures_show_is_not_said_to_be_unseen(blurred):
     """Fails if the record names as not looked at what has just been looked at."""
     assert "lens_blur" not in blurred["not_looked_at"]
+
+
+def test_what_could_have_changed_unseen_is_recorded(blurred):
+    """Fails if what has changed is among it, what was compared is not, or a value stands where a difference should."""
+    least = blurred["least_seen"]
+    assert set(least) == set(NAMES) - {"lens_blur", *blurred["steps"][0].get("one_of", [])}
+    assert set(blurred["not_told"]) <= set(least) and "sharpening" not in blurred["not_told"]
+    assert 0 < least["sharpening"]["amount"] < 1 and set(least["sharpening"]) == {"amount"}
+    amounts = amounts_seen({"focal_length": (0.5, {"ratio": 1.25}), "exposure": None})
+    assert amounts == {"focal_length": {"ratio": 0.25}, "exposure": None}
 
 
 def test_what_shows_too_few_points_for_a_pose_is_left_out(kept, tmp_path):
