@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from textwrap import fill
 
 import figures
 import matplotlib.pyplot as plt
@@ -13,6 +14,7 @@ from reporting.sentences import changes_words, needs_words, or_others, residue_w
 from rig.words import LADDER, gap_along, plain, with_error
 
 MAX_CANDIDATES = 12
+TITLE_LETTERS = 40  # that fit above one of two pictures side by side
 EXAMPLES = {"real": "real", "configured": "twin as configured", "explained": "twin with what was found"}
 BRIGHTEST_DIFFERENCE_DN = 40
 
@@ -53,7 +55,7 @@ def details_of(diagnosis, plates):
         pictures.append((vectors_figure(plates, camera), f"{camera}: where plates lie off, over the image"))
     if diagnosis["where"]:
         pictures.append((where_figure(diagnosis), f"{camera}: what the gap follows"))
-    if diagnosis["candidates"]:
+    if diagnosis["candidates"] and not diagnosis.get("baseline"):  # changes are asked to first order: none leaves a gap
         pictures.append((candidates_figure(diagnosis), f"{camera}: candidates one by one"))
     return pictures
 
@@ -66,7 +68,9 @@ def least_seen(diagnosis):
     ]
     if not rows:
         return ""
-    table = tabulate(rows, ["effect", "least change that is seen in most cases, about"], "github")
+    table = tabulate(
+        rows, ["effect", "least change, of ¼ to 4 times a clear one, that is seen in most cases"], "github"
+    )
     return f"{diagnosis['camera']}: what would a change have to be, to be seen in captures like these?\n\n{table}"
 
 
@@ -111,10 +115,10 @@ def change_figure(results, diagnosis):
         return None
     shown = diagnosis["shown"]
     titles = f"{diagnosis['baseline']}: {shown['before']}", f"{diagnosis['campaign']}: {shown['after']}"
-    fig, axes = plt.subplots(1, 2, figsize=(1.5 * figures.WIDTH_IN, 3.2))
+    fig, axes = plt.subplots(1, 2, figsize=(1.5 * figures.WIDTH_IN, 3.6))
     for axis, path, title in zip(axes, paths, titles, strict=True):
         axis.imshow(plt.imread(path))
-        axis.set_title(title, fontsize=9.5)
+        axis.set_title(fill(title, TITLE_LETTERS), fontsize=9.5)
         axis.axis("off")
     if shown.get("square"):
         fig.suptitle("A square of the board then and now; beside it, with what has changed laid on", fontsize=11)

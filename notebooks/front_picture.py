@@ -51,7 +51,8 @@ def headline(diagnosis):
     """Return the line above a camera's patches: what was found, or the verdict."""
     names = [s["effect"].replace("_", " ") for s in diagnosis["steps"]]
     found = ", ".join(names) if len(names) <= MAX_NAMED else f"{len(names)} effects"
-    return f"{diagnosis['camera']}: {'+ ' + found if names else diagnosis['verdict']}"
+    by_itself = " by itself" if diagnosis.get("baseline") else ""
+    return f"{diagnosis['camera']}{by_itself}: {'+ ' + found if names else diagnosis['verdict']}"
 
 
 def draw_camera(figure, images, diagnosis, ladder):
@@ -95,6 +96,7 @@ def cameras_of(results):
     found = []
     for path in sorted((Path(results) / "diagnosis").glob("*.json")):
         diagnosis = json.loads(path.read_text())
+        diagnosis |= diagnosis.get("alone", {})  # pictures and ladder are of these captures, not of what has changed
         images = examples_of(results, diagnosis["camera"])
         ladder = pd.read_csv(path.with_suffix("") / "ladder.csv")
         if images is not None and len(ladder):

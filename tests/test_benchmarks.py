@@ -123,7 +123,7 @@ def outcome(folder):
         {"kind": "single", "hidden": "a", "named": "a", "first_right": k > 0, "set_right": False} for k in range(10)
     ]
     nothing = [{"kind": "none", "hidden": "", "named": "", "p": p} for p in (0.2, 0.4, 0.6, 0.8)]
-    trials = pd.DataFrame(single + nothing).assign(strength=1.0, verdict="adequate", gap=0.9)
+    trials = pd.DataFrame(single + nothing).assign(strength=1.0, verdict="adequate", gap=0.9, said_unseen=False)
     parameters = pd.DataFrame({"inside_95": [True] * 7 + [False], "miss": [0.1 * k for k in range(1, 8)] + [2.5]})
     summary_of(trials, parameters).to_csv(folder / "summary.csv", index=False)
     (folder / "power.csv").write_text("hidden,0.25,0.5,smallest_seen,was\na,1.0,1.0,0.25,x\nb,0.0,1.0,0.5,y\n")

@@ -103,6 +103,7 @@ def trial_row(verdict, truth, twin=None):
         "gap_before": verdict.get("gap_as_configured"),
         "gap": verdict["gap"],
         "p": verdict.get("p"),
+        "said_unseen": any(name in verdict.get("not_told", []) for name in hidden),
     }
     return row if twin is None else row | whole_columns(verdict, inside, twin)
 
@@ -183,6 +184,7 @@ def summary_of(trials, parameters):
     by = {kind: trials[kinds == kind] for kind in ("single", "pair", "none", "outside", "whole")}
     real = trials[(kinds == "real") & (trials.verdict != "refused")]
     changed, same = real[real.hidden != ""], real[real.hidden == ""]
+    missed = changed[changed.named == ""]
     outside, whole, closed = by["outside"], by["whole"], pd.concat([by["single"], by["pair"]])
     hits = [
         ("single effects: the right one first", "98 %", by["single"].first_right),
@@ -194,6 +196,11 @@ def summary_of(trials, parameters):
         ("outside the library: a wrong name given", "at most 5 %", outside.named != ""),
         ("held-out gap after forward selection at most 1.05 floors", "95 %", closed.gap.fillna(np.inf) <= MAX_GAP),
         ("what has changed on photographs: the right effect first", "90 %", changed.first_right),
+        (
+            "changed on photographs, nothing named: said that even a clear change would go unseen",
+            "",
+            missed.said_unseen,
+        ),
         ("nothing changed on photographs: something named (false alarm)", "at most 2 %", same.named != ""),
         ("whole cameras: said explained", "", whole.verdict == "explained"),
     ]

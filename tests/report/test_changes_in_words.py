@@ -1,5 +1,10 @@
 """What has changed is told in a sentence a change, from how much to how much."""
 
+import json
+
+import cv2
+import numpy as np
+
 from reporting.sentences import verdict_words
 from workflow_runs import PROJECT
 
@@ -51,3 +56,24 @@ def test_the_table_of_what_would_be_seen_names_each_amount(monkeypatch):
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()[-2:]]
     assert rows == [["exposure", "more than was tried"], ["radial distortion", "k1 by 0.031, k2 by -0.2"]]
     assert diagnosis_figures.least_seen({"camera": "c"}) == ""
+
+
+def test_the_front_picture_is_titled_by_what_it_shows(tmp_path, monkeypatch):
+    """Fails if captures and their ladder, which are one campaign's, stand under the verdict on what has changed."""
+    monkeypatch.syspath_prepend(PROJECT / "notebooks")
+    import front_picture
+
+    folder = tmp_path / "diagnosis/c"
+    folder.mkdir(parents=True)
+    for name in front_picture.EXAMPLES:
+        cv2.imwrite(str(folder / f"example_{name}.png"), np.full((60, 60), 128, np.uint8))
+    (folder / "ladder.csv").write_text("step,gap\n0,2.0\n1,1.1\n")
+    of_changes = DIAGNOSIS | {"camera": "c", "verdict": "adequate", "steps": []}
+    for alone, said in (
+        ({}, "c by itself: adequate"),
+        ({"steps": [{"effect": "lens_blur"}]}, "c by itself: + lens blur"),
+    ):
+        record = of_changes | {"alone": {"verdict": "adequate", "steps": []} | alone}
+        (tmp_path / "diagnosis/c.json").write_text(json.dumps(record))
+        ((_, diagnosis, _),) = front_picture.cameras_of(tmp_path)
+        assert front_picture.headline(diagnosis) == said

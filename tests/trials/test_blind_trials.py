@@ -13,7 +13,19 @@ CANDIDATES = "diagnose={candidates: [lens_blur]}"
 
 
 def write_trial(
-    folder, name, kind, hidden, named, verdict, gap=1.0, value=1.2, se=0.02, strength=1.0, counted=None, p=None
+    folder,
+    name,
+    kind,
+    hidden,
+    named,
+    verdict,
+    gap=1.0,
+    value=1.2,
+    se=0.02,
+    strength=1.0,
+    counted=None,
+    p=None,
+    not_told=(),
 ):
     """Write a truth and a verdict; the hidden blur is 1.2 px times the strength; a name in ``named`` may be a group."""
     blur = {"sigma_px": 1.2 * strength}
@@ -25,7 +37,7 @@ def write_trial(
     (folder / "truths" / name / "truth.json").write_text(json.dumps(truth))
     parameters = {"sigma_px": {"value": value, "se": se}}
     steps = [{"effect": e.split("|")[0], "one_of": e.split("|"), "parameters": parameters} for e in named]
-    found = {"groups": {"corners": gap}, "floor": {"corners": 1.0}, "p": p}
+    found = {"groups": {"corners": gap}, "floor": {"corners": 1.0}, "p": p, "not_told": not_told}
     verdict = found | {"camera": "c", "verdict": verdict, "steps": steps, "gap": gap, "gap_as_configured": 3.0}
     (folder / "verdicts" / f"{name}.json").write_text(json.dumps([verdict]))
     if counted is not None:
@@ -89,6 +101,17 @@ def test_whole_cameras_are_counted_by_what_counts(tmp_path):
         "whole cameras: gap at most 1.05 times the true twin's": (1, 2),
     }
     assert (tmp_path / "out/confusion.png").stat().st_size > 1000  # nothing belongs in it
+
+
+def test_of_changes_that_are_missed_those_said_to_go_unseen_are_counted(tmp_path):
+    """Fails if a change that has a name counts among them, or another that would go unseen stands for what was missed."""
+    write_trial(tmp_path, "a", "real", ["vignetting"], [], "adequate", not_told=["exposure", "vignetting"])
+    write_trial(tmp_path, "b", "real", ["lens_blur"], [], "adequate", not_told=["exposure"])
+    write_trial(tmp_path, "c", "real", ["lens_blur"], ["lens_blur"], "explained", not_told=["lens_blur"])
+    summary = summary_of(tmp_path)
+    row = summary.loc["changed on photographs, nothing named: said that even a clear change would go unseen"]
+    assert (row.hits, row.number) == (1, 2)
+    assert summary.hits["what has changed on photographs: the right effect first"] == 1
 
 
 def test_steps_are_dealt_to_the_effects_that_count():
