@@ -197,7 +197,7 @@ def summary_of(trials, parameters):
         ("held-out gap after forward selection at most 1.05 floors", "95 %", closed.gap.fillna(np.inf) <= MAX_GAP),
         ("what has changed on photographs: the right effect first", "90 %", changed.first_right),
         (
-            "changed on photographs, nothing named: said that even a clear change would go unseen",
+            "changes on photographs without a name: said to go unseen even if clear",
             "",
             missed.said_unseen,
         ),

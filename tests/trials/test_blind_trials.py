@@ -109,7 +109,7 @@ def test_of_changes_that_are_missed_those_said_to_go_unseen_are_counted(tmp_path
     write_trial(tmp_path, "b", "real", ["lens_blur"], [], "adequate", not_told=["exposure"])
     write_trial(tmp_path, "c", "real", ["lens_blur"], ["lens_blur"], "explained", not_told=["lens_blur"])
     summary = summary_of(tmp_path)
-    row = summary.loc["changed on photographs, nothing named: said that even a clear change would go unseen"]
+    row = summary.loc["changes on photographs without a name: said to go unseen even if clear"]
     assert (row.hits, row.number) == (1, 2)
     assert summary.hits["what has changed on photographs: the right effect first"] == 1
 
