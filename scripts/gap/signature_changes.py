@@ -16,7 +16,7 @@ from gap.changes import MAX_P, MIN_CAPTURES
 from gap.exchange import MAX_GROUP
 from gap.observables import SIGNS, SIGNS_OF_GROUP
 from gap.parameters import scaled, spec
-from gap.power import least_seen
+from gap.power import CLEAR, least_seen
 from gap.search import is_significant
 from gap.signature_comparison import compared
 from gap.split import thinned
@@ -26,7 +26,6 @@ MAX_LAID, PATCHES_LAID = 4, 6  # photographs of a set, patches of each, on which
 LAID_FOR_POWER = 2  # photographs, as many amounts are laid on
 SCALES = (0.1, 4.0)  # of an effect's starts, at least and at most
 TIMES_SCALED = 2  # what effects do is not linear
-FIRST_STEP = 5.0  # times what matters, from effects that start at nothing
 MAX_REFINED, STEPS = 6, 4  # effects whose parameters are fitted, steps of a fit
 DIFFERENCE = 0.1  # of its value, by which a parameter goes for a derivative: grey levels are whole, so less is rough
 FAR_BEHIND = 6.0  # times what the best leaves, from which an effect's are not
@@ -174,7 +173,7 @@ def _from_nothing(name, layer, comparison):
     nulls, start = library.nulls_of(name), comparison.distance(np.zeros(len(SIGNS)))
     keys = [k for k in library.fitted_parameters(name) if not spec((name, k)).auxiliary]
     specs = [spec((name, k)) for k in keys]
-    steps = np.array([FIRST_STEP * s.matters for s in specs])
+    steps = np.array([CLEAR * s.matters for s in specs])
     wide = np.array([s.prior_sd or s.upper - s.lower for s in specs])
     moved = [laid_on(name, nulls | {k: nulls[k] + h}, layer, comparison) for k, h in zip(keys, steps, strict=True)]
     ways = np.stack([start - comparison.distance(t.moved) for t in moved], axis=1)
