@@ -69,7 +69,7 @@ def least_seen(diagnosis):
     if not rows:
         return ""
     table = tabulate(
-        rows, ["effect", "least change, of ¼ to 4 times a clear one, that is seen in most cases"], "github"
+        rows, ["effect", "least change, of 1/16 to 4 times a clear one, that is seen in most cases"], "github"
     )
     return f"{diagnosis['camera']}: what would a change have to be, to be seen in captures like these?\n\n{table}"
 

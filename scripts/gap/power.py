@@ -10,7 +10,7 @@ from effects import library
 from gap.parameters import scaled
 
 TRIED, SEEN = 9, 0.5  # divisions, and the share of them
-AMOUNTS = [2.0 ** (k / 2) for k in range(-4, 5)]  # times a clear one, that are tried
+AMOUNTS = [2.0 ** (k / 2) for k in range(-8, 5)]  # times a clear one, that are tried
 CLEAR = 5.0  # times what matters, of an effect that starts at nothing
 
 
