@@ -244,7 +244,7 @@ def ask(fit, twin, names, labels):
     for n in names:
         mine = np.array([every.index(f) for f in columns[n]])
         differences[n] = made.differences(mine, n not in twin.names, labels)
-    p = p_values(np.array([d.evidence() for d in differences.values()]))
+    p = p_values(np.array([d.evidence for d in differences.values()]))
     return {
         n: Asked(tuple(columns[n]), float(d.gain()[0]), float(p[k]), d) for k, (n, d) in enumerate(differences.items())
     }
@@ -254,9 +254,9 @@ def power_to_see(name, asked, parameters):
     """Return in which share of divisions points would tell an effect with parameters, one of {effect: Asked}."""
     nulls, differences = library.nulls_of(name), asked[name].differences
     more = np.array([parameters[key] - nulls[key] for _, key in asked[name].parameters])
-    beside = [a.differences.evidence() for n, a in asked.items() if n != name]
-    given = thinned(range(len(differences.labels)), TRIED)
-    p = [p_values(np.array([differences.with_more(more, k).evidence(), *beside]), k)[0] for k in given]
+    beside = [a.differences.evidence for n, a in asked.items() if n != name]
+    given = thinned(range(1, len(differences.labels)), TRIED)
+    p = [p_values(np.array([differences.with_more(more, k).evidence, *beside]), k)[0] for k in given]
     return np.mean(np.array(p) <= MAX_P)
 
 

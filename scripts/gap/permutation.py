@@ -6,6 +6,7 @@ All is a function of the captures' information matrices and scores (gap.joint_fi
 import itertools
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -108,8 +109,9 @@ class Differences:
         """Return the loss (m,) that the differences explain to first order."""
         return (np.linalg.solve(self.information, self.total) * self.total).sum((1, 2))
 
+    @cached_property
     def evidence(self):
-        """Return the evidence (m,) of a change: the cube root of Hotelling's statistic of the difference against the scatter.
+        """The evidence (m,) of a change: the cube root of Hotelling's statistic of the difference against the scatter.
 
         Sources: H. Hotelling, "The generalization of Student's ratio" (1931); E. B. Wilson and M. M. Hilferty, "The
         distribution of chi-square" (1931).

@@ -196,11 +196,7 @@ def summary_of(trials, parameters):
         ("outside the library: a wrong name given", "at most 5 %", outside.named != ""),
         ("held-out gap after forward selection at most 1.05 floors", "95 %", closed.gap.fillna(np.inf) <= MAX_GAP),
         ("what has changed on photographs: the right effect first", "90 %", changed.first_right),
-        (
-            "changes on photographs without a name: said to go unseen even if clear",
-            "",
-            missed.said_unseen,
-        ),
+        ("changes on photographs without a name: said to go unseen even if clear", "", missed.said_unseen),
         ("nothing changed on photographs: something named (false alarm)", "at most 2 %", same.named != ""),
         ("whole cameras: said explained", "", whole.verdict == "explained"),
     ]

@@ -141,7 +141,7 @@ def test_chance_names_as_often_as_it_says():
         H = np.tile(np.diag([4.0, 1.0, 2.0]), (10, 1, 1))
         g = rng.standard_t(3, (10, 3)) * [2.0, 1.0, 1.4]
         made = Moments(H, g, np.zeros(0))
-        evidence = [made.differences(np.array(mine), True, labels).evidence() for mine in ([0], [1, 2])]
+        evidence = [made.differences(np.array(mine), True, labels).evidence for mine in ([0], [1, 2])]
         p.append(p_values(np.array(evidence)).min())
     p = np.array(p)
     assert (p <= 0.05).mean() < 0.1 and 0.35 < np.mean(p <= 0.5) < 0.65

@@ -50,7 +50,7 @@ def drawn_moments(rng, ratio):
 def asked_of(made, labels):
     """Return {effect: gap.changes.Asked} of Moments by EFFECTS."""
     differences = [made.differences(np.array([k]), True, labels) for k in range(len(EFFECTS))]
-    p = p_values(np.array([d.evidence() for d in differences]))
+    p = p_values(np.array([d.evidence for d in differences]))
     return {n: Asked(((n, "ratio"),), 0.0, p[k], differences[k]) for k, n in enumerate(EFFECTS)}
 
 
