@@ -14,12 +14,13 @@ from gap.board_shape import offsets_of
 from gap.evidence import start_step
 from gap.exchange import MAX_GROUP
 from gap.joined import joined
-from gap.joint_fit import JointFit, JointTwin, Slots, moments, ridge_of
+from gap.joint_fit import JointFit, JointTwin, Slots, equations_of, moments, ridge_of
 from gap.observables import corners_in
 from gap.parameters import fitted_parameters, image_step, spec
-from gap.permutation import MAX_DIRECTIONS, Differences, Moments, labellings, p_values
+from gap.permutation import MAX_DIRECTIONS, Moments, labellings, p_values
 from gap.power import TRIED, least_seen
 from gap.problem import may_have
+from gap.readout_motion import with_motion
 from gap.residuals import NU, flatten, rho
 from gap.search import is_significant
 from gap.select_effects import is_flexible
@@ -206,13 +207,13 @@ def with_shape(fit, twin, threads):
 @dataclass(frozen=True)
 class Asked:
     """What a change of an effect would explain to first order: its parameters, the loss gained, p against all others, and what
-    both come from.
+    both come from: differences (Differences, ...) of still photographs and, if any moved, of ones that move while they are read.
     """
 
     parameters: tuple
     gain: float
     p: float
-    differences: Differences
+    differences: tuple
 
 
 def ask(fit, twin, names, labels):
@@ -232,32 +233,39 @@ def ask(fit, twin, names, labels):
     def step(parameter, value):
         return image_step(parameter, value) if parameter[0] in twin.names else start_step(parameter, value)
 
-    H, g = moments(fit, wider, every, step)
+    equations, nu = equations_of(fit, wider, every, step)
+    moved = with_motion(fit.solver.problem, equations, nu) if fit.solver.problem.is_board else None
     parameters = slots.parameters()
     _, precision = ridge_of(parameters)
     expand = [np.zeros((len(parameters), len(every))) for _ in (0, 1)]
     for k in (0, 1):
         expand[k][slots.of[k], np.arange(len(free))] = 1
     D = np.array([np.concatenate([expand[fit.belongs[i]], np.eye(len(every))]) for i in fit.indices])
-    made = Moments(D @ H @ D.transpose(0, 2, 1), np.einsum("nab,nb->na", D, g), precision)
+    made = []
+    for H, g in (moments(of, nu) for of in (equations, moved) if of):
+        made.append(Moments(D @ H @ D.transpose(0, 2, 1), np.einsum("nab,nb->na", D, g), precision))
     differences = {}
     for n in names:
         mine = np.array([every.index(f) for f in columns[n]])
-        differences[n] = made.differences(mine, n not in twin.names, labels)
-    p = p_values(np.array([d.evidence for d in differences.values()]))
+        differences[n] = tuple(m.differences(mine, n not in twin.names, labels) for m in made)
+    p = p_values(np.array([d.evidence for of in differences.values() for d in of])).reshape(len(names), -1).min(1)
     return {
-        n: Asked(tuple(columns[n]), float(d.gain()[0]), float(p[k]), d) for k, (n, d) in enumerate(differences.items())
+        n: Asked(tuple(columns[n]), float(of[0].gain()[0]), float(p[k]), of)
+        for k, (n, of) in enumerate(differences.items())
     }
 
 
 def power_to_see(name, asked, parameters):
     """Return in which share of divisions points would tell an effect with parameters, one of {effect: Asked}."""
-    nulls, differences = library.nulls_of(name), asked[name].differences
+    nulls, own = library.nulls_of(name), asked[name].differences
     more = np.array([parameters[key] - nulls[key] for _, key in asked[name].parameters])
-    beside = [a.differences.evidence for n, a in asked.items() if n != name]
-    given = thinned(range(1, len(differences.labels)), TRIED)
-    p = [p_values(np.array([differences.with_more(more, k).evidence, *beside]), k)[0] for k in given]
-    return np.mean(np.array(p) <= MAX_P)
+    beside = [d.evidence for n, a in asked.items() if n != name for d in a.differences]
+
+    def told(k):
+        changed = [d.with_more(more, k).evidence for d in own]
+        return p_values(np.array([*changed, *beside]), k)[: len(own)].min() <= MAX_P
+
+    return float(np.mean([told(k) for k in thinned(range(1, len(own[0].labels)), TRIED)]))
 
 
 def named(fit, twin, asked):

@@ -164,14 +164,20 @@ class JointFit:
         return JointTwin(twin.effects, twin.changed, twin.poses, twin.groups, twin.loss, of_sets)
 
 
-def moments(fit, twin, free, step_of):
-    """Return (H (n, k, k), g (n, k)) of the n used captures by parameters ``free`` of its own set; the pose eliminated.
+def equations_of(fit, twin, free, step_of):
+    """Return ({capture: (y, Jt, Jp)}, nu): residuals (n,) of a JointTwin, their derivatives by parameters ``free`` (n, k) of the
+    capture's own set and by its pose (n, 6); and how wide their loss is.
 
-    The loss is as wide as most residuals of that set are which lies farther off: a common twin may fit one of them alone.
+    It is as wide as most residuals of that set are which lies farther off: a common twin may fit one of them alone.
     """
     sets = [np.concatenate([flatten(twin.groups[i]) for i in members]) for members in fit.members]
     usual = max(np.median(np.abs(y)) for y in sets)
-    nu = NU * max(1.0, usual / MEDIAN_OF_NOISE) ** 2
     derivatives = fit.derivatives(twin, free, step_of)
-    equations = (without_pose(flatten(twin.groups[i]), *derivatives[i], nu)[:2] for i in fit.indices)
-    return tuple(map(np.array, zip(*equations, strict=True)))
+    equations = {i: (flatten(twin.groups[i]), *derivatives[i]) for i in fit.indices}
+    return equations, NU * max(1.0, usual / MEDIAN_OF_NOISE) ** 2
+
+
+def moments(equations, nu):
+    """Return (H (n, k, k), g (n, k)) of n captures' ``equations_of``; what is a capture's own is eliminated."""
+    made = (without_pose(*equation, nu)[:2] for equation in equations.values())
+    return tuple(map(np.array, zip(*made, strict=True)))

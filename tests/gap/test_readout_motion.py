@@ -1,0 +1,91 @@
+"""Photographs taken by hand: what each one's motion does to its rows hides no change, and passes for none."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+from test_changes import FOCAL_PX, NOISE_PX, POINTS, SIZE, compared, names, photographs
+
+from gap.readout_motion import with_motion
+from rig.geometry import camera_matrix, make_pose, perturb_pose, transform
+
+TURN_RAD = 0.01  # standard deviation, from the first row to the last: 6 px
+
+
+def by_hand(problem, seed, turn_rad=TURN_RAD, cx_px=319.5, p1=0.0):
+    """Return a BoardCase of ``photographs`` as a camera sees them that turns evenly while it reads rows, points exact."""
+    rng, captures = np.random.default_rng([seed, 7]), []
+    K, lens = camera_matrix(FOCAL_PX, FOCAL_PX, cx_px, 239.5), np.array([0.0, 0.0, p1, 0.0])
+    for capture in problem.captures:
+        T, turn = capture.view.T_cam_world, rng.normal(0, turn_rad, 3)
+        xy = np.zeros((len(POINTS), 2))
+        when = np.zeros(len(POINTS))
+        for _ in range(8):  # a point's row says when it is read, and that where it lies
+            for k, t in enumerate(when):
+                moved = make_pose(t * turn, np.zeros(3)) @ T
+                xy[k] = cv2.projectPoints(POINTS[k : k + 1], cv2.Rodrigues(moved[:3, :3])[0], moved[:3, 3], K, lens)[
+                    0
+                ].ravel()
+            when = (xy[:, 1] + 0.5) / SIZE[1] - 0.5
+        features = xy + NOISE_PX * rng.standard_normal(xy.shape)
+        captures.append(replace(capture, observation=replace(capture.observation, features=features)))
+    return replace(problem, captures=captures)
+
+
+def test_a_change_is_named_though_a_hand_moves_each_photograph():
+    """Fails if what rows show of each photograph's own motion is left to scatter: another lens then drowns in it."""
+    before, after = photographs(3, 10, k1=0.0), photographs(4, 10, k1=0.0)
+    found = compared(by_hand(before, 3), by_hand(after, 4, p1=0.01))
+    assert names(found)[:1] == ["tangential_distortion"]
+
+
+def test_hands_that_move_are_no_change():
+    """Fails if photographs that move while they are read pass for another camera than others that do."""
+    found = compared(by_hand(photographs(1, 7, k1=0.0), 1), by_hand(photographs(2, 7, k1=0.0), 2))
+    assert not found.changes
+
+
+def equations(turn_rad, seed=0, number=8):
+    """Return (BoardCase, equations of its captures by one parameter): residuals of points in units of their noise."""
+    problem, rng, out = photographs(seed, number, k1=0.0), np.random.default_rng(seed), {}
+    for i, capture in enumerate(problem.captures):
+        T, K = capture.view.T_cam_world, capture.view.K
+
+        def seen(T, K=K):
+            xyz = transform(T, POINTS) @ K.T
+            return xyz[:, :2] / xyz[:, 2:]
+
+        step = 1e-6 * np.eye(6)
+        Jp = np.stack([(seen(perturb_pose(T, s)) - seen(T)).ravel() / 1e-6 / NOISE_PX for s in step], axis=1)
+        when = np.repeat((capture.observation.features[:, 1] + 0.5) / SIZE[1] - 0.5, 2)
+        y = when * (Jp[:, :3] @ rng.normal(0, turn_rad, 3)) + rng.standard_normal(len(Jp))
+        prior = np.zeros((6, 6))  # poses are free
+        out[i] = np.append(y, np.zeros(6)), np.ones((len(y) + 6, 1)), np.vstack([Jp, prior])
+    return problem, out
+
+
+@pytest.mark.parametrize("turn_rad", [0.001, 0.01])
+def test_photographs_say_how_much_they_move(turn_rad):
+    """Fails if the prior is that of another motion: too narrow it explains nothing, too wide it explains all."""
+    problem, made = equations(turn_rad)
+    moved = with_motion(problem, made, 1e6)
+    turns = np.concatenate([Jp[:-12, 6] / Jp[:-12, 0] for _, _, Jp in moved.values()])
+    rows = np.concatenate([capture.observation.features[:, 1] for capture in problem.captures])
+    sigma_rad = turns / np.repeat((rows + 0.5) / SIZE[1] - 0.5, 2)
+    assert np.ptp(sigma_rad) < 1e-9
+    assert 0.4 * turn_rad < sigma_rad[0] < 1.2 * turn_rad  # turns alone were drawn, half of what is free
+    for y, Jt, Jp in moved.values():
+        assert len(y) == len(Jt) == len(Jp) == 2 * len(POINTS) + 12
+        assert np.array_equal(Jp[-6:], np.eye(6, 12, 6)) and not y[-6:].any() and not Jt[-6:].any()
+
+
+def test_still_photographs_hardly_move():
+    """Fails if noise passes for motion: what is free for nothing costs power."""
+    problem, made = equations(0.0)
+    moved = with_motion(problem, made, 1e6)
+    assert moved is None or max(np.abs(Jp[:96, 6]).max() for _, _, Jp in moved.values()) < 2e-4 * FOCAL_PX / NOISE_PX
