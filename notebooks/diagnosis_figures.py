@@ -17,6 +17,23 @@ MAX_CANDIDATES = 12
 TITLE_LETTERS = 40  # that fit above one of two pictures side by side
 EXAMPLES = {"real": "real", "configured": "twin as configured", "explained": "twin with what was found"}
 BRIGHTEST_DIFFERENCE_DN = 40
+LACKS = """# What does the twin lack, and does the error fall?
+
+Every effect of the library was added to the twin in turn, fitted on some stations and scored on others. The best is
+added, all are refitted together, and the search goes on until nothing helps; where three or more are promising together,
+they are added and fitted together. Gaps are in units of the floor: how far repeats of one station lie apart. All errors
+here are of captures that no fit has seen."""
+CHANGED = """# What has changed since {since}?
+
+One twin was fitted to the captures then and now. Every effect of the library was asked whether it differs between them by
+more than captures differ that are divided by chance; what does has its name, and how much it was and is. What these
+captures show by themselves, as a diagnosis without a baseline tells it, is in the pictures."""
+
+
+def introduction(diagnoses):
+    """Return the title and first words, Markdown, of a page of [(diagnosis, ladder, plates)]."""
+    since = [d["baseline"] for d, *_ in diagnoses if d.get("baseline")]
+    return CHANGED.format(since=since[0]) if since else LACKS
 
 
 def read_diagnoses(results):

@@ -19,7 +19,7 @@ from gap.split import thinned
 from rig.geometry import N_POSE, perturb_pose
 from rig.words import plain
 
-CLEAR = 9.0  # information times a squared amount from which that amount is seen: three standard errors
+MIN_INFORMATION = 9.0  # times a squared amount from which that amount is seen: three standard errors
 
 
 def cannot_tell(search, twin, names):
@@ -162,13 +162,13 @@ class Told:
 
     def hidden(self):
         """Return those of the others that would stay unseen at the amount that is worth naming."""
-        return [n for n in self.others if self.seen(n) < CLEAR]
+        return [n for n in self.others if self.seen(n) < MIN_INFORMATION]
 
     def needs(self, hidden):
         """Return what further photographs would show ``hidden`` effects, one by one as ``need``."""
         if hidden:
             list(self.map(lambda instruction: self._brought_by(instruction, 0), self.look.instructions))
-        return [self.need(n, "", CLEAR, lambda more, n=n: self.seen(n, more)) for n in hidden]
+        return [self.need(n, "", MIN_INFORMATION, lambda more, n=n: self.seen(n, more)) for n in hidden]
 
     def need(self, name, from_what, enough, told):
         """Return the first instruction with which ``told`` (information) reaches ``enough`` in every try, None without one."""

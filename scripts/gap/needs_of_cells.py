@@ -9,7 +9,7 @@ import numpy as np
 
 from gap.exchange import as_good_instead
 from gap.instructions import EXPOSURES, FURTHER, MORE, PLACES
-from gap.needs import CLEAR, Told
+from gap.needs import MIN_INFORMATION, Told
 from gap.parameters import get_parameter, image_step, with_parameters
 from gap.search import MIN_GAIN
 from gap.signature import MIN_PATCHES
@@ -37,7 +37,7 @@ def cells_cannot_tell(search, twin, steps=()):
     told = Told(search, twin, search.candidates, OfCells)
     hidden = told.hidden()
     times = 1 + MAX_TIMES_TOLD * FURTHER / told.look.number
-    likely = [n for n in hidden if times * told.seen(n) >= CLEAR]
+    likely = [n for n in hidden if times * told.seen(n) >= MIN_INFORMATION]
     needs, alike = told.of_fewer(likely).needs(likely), {}
     for step in steps:
         rivals = as_good_instead(search, twin, step.effect, step.rivals)

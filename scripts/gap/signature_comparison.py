@@ -18,7 +18,7 @@ LIT = [SIGNS.index(name) for name in OF_LIGHT]
 
 
 @dataclass(frozen=True)
-class Differences:
+class SignDifferences:
     """Differences of k signs between two sets under m divisions of the photographs.
 
     t (m, k) in standard errors, error (m, k) these, whitener (m, k, k) of t
@@ -50,7 +50,7 @@ class Compared:
 
     @cached_property
     def every(self):
-        """The Differences under all orders."""
+        """The SignDifferences under all orders."""
         return self._differences(self.values, self.orders)
 
     @property
@@ -88,7 +88,7 @@ class Compared:
         return float(np.mean([told(order) for order in thinned(self.orders[1:], TRIED)]))
 
     def _differences(self, values, orders):
-        """Return the Differences of values (n, k) permuted by orders (m, n).
+        """Return the SignDifferences of values (n, k) permuted by orders (m, n).
 
         Correlations are shrunk towards none, as n photographs tell few. Source: O. Ledoit and M. Wolf, "A well-conditioned
         estimator for large-dimensional covariance matrices" (2004).
@@ -102,7 +102,7 @@ class Compared:
         within /= sd[:, None]
         shrunk = k / (k + n - 2)
         correlation = (1 - shrunk) * within.transpose(0, 2, 1) @ within / free + shrunk * np.eye(k)
-        return Differences(difference / error, error, np.linalg.inv(np.linalg.cholesky(correlation)))
+        return SignDifferences(difference / error, error, np.linalg.inv(np.linalg.cholesky(correlation)))
 
 
 def compared(before, after, seed, poses=None, uncounted=()):

@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "bench"))
 from diagnose_patches import both_looks  # noqa: E402
 from effects import library  # noqa: E402
 from gap.instructions import EXPOSURES, FURTHER, MORE, PLACES  # noqa: E402
-from gap.needs import CLEAR, Told  # noqa: E402
+from gap.needs import MIN_INFORMATION, Told  # noqa: E402
 from gap.needs_of_cells import OfCells, cells_cannot_tell  # noqa: E402
 from gap.observables import SIGNS, SIGNS_OF_GROUP  # noqa: E402
 from gap.outcome import Step  # noqa: E402
@@ -64,10 +64,12 @@ def test_what_one_further_photograph_alone_shows_is_chance(photographs):
 
     nothing, lucky = ([], FURTHER), (told.look.photographs, 1000.0)
     told.look.further = lambda instruction, k: (lucky, nothing)[k]
-    assert told.need("field_curvature", "", CLEAR, seen)["text"].endswith(MORE.words)  # the same again is no luck
-    assert told.need("field_curvature", "", 40 * CLEAR, seen) is None
+    assert told.need("field_curvature", "", MIN_INFORMATION, seen)["text"].endswith(
+        MORE.words
+    )  # the same again is no luck
+    assert told.need("field_curvature", "", 40 * MIN_INFORMATION, seen) is None
     told.look.further, told._brought = lambda instruction, k: lucky, {}
-    assert told.need("field_curvature", "", 40 * CLEAR, seen)["text"].endswith(CORNERS)
+    assert told.need("field_curvature", "", 40 * MIN_INFORMATION, seen)["text"].endswith(CORNERS)
 
 
 def test_further_photographs_are_as_the_instruction_says(photographs):

@@ -77,3 +77,12 @@ def test_the_front_picture_is_titled_by_what_it_shows(tmp_path, monkeypatch):
         (tmp_path / "diagnosis/c.json").write_text(json.dumps(record))
         ((_, diagnosis, _),) = front_picture.cameras_of(tmp_path)
         assert front_picture.headline(diagnosis) == said
+
+
+def test_a_page_of_changes_asks_what_has_changed(monkeypatch):
+    """Fails if a page on what has changed begins with what a twin lacks, or another page with a baseline that nobody gave."""
+    monkeypatch.syspath_prepend(PROJECT / "notebooks")
+    import diagnosis_figures
+
+    assert diagnosis_figures.introduction([(DIAGNOSIS, None, None)]).startswith("# What has changed since june?")
+    assert diagnosis_figures.introduction([({"camera": "c"}, None, None)]).startswith("# What does the twin lack")
