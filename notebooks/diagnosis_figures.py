@@ -26,8 +26,8 @@ here are of captures that no fit has seen."""
 CHANGED = """# What has changed since {since}?
 
 One twin was fitted to the captures then and now. Every effect of the library was asked whether it differs between them by
-more than captures differ that are divided by chance; what does has its name, and how much it was and is. What these
-captures show by themselves, as a diagnosis without a baseline tells it, is in the pictures."""
+more than between sets into which the captures are divided by chance; what does is named, with how much it was and is.
+Pictures titled *by itself* are of the later captures alone, as diagnosed without a baseline."""
 
 
 def introduction(diagnoses):

@@ -206,8 +206,10 @@ def with_shape(fit, twin, threads):
 
 @dataclass(frozen=True)
 class Asked:
-    """What a change of an effect would explain to first order: its parameters, the loss gained, p against all others, and what
-    both come from: differences (Differences, ...) of still photographs and, if any moved, of ones that move while they are read.
+    """What a change of an effect would explain to first order: its parameters, the loss gained where photographs are still, p
+    against all others, and what both come from.
+
+    differences (Differences, ...) are of still photographs and, where motion is likely, of ones that move while they are read.
     """
 
     parameters: tuple

@@ -64,9 +64,8 @@ def test_what_one_further_photograph_alone_shows_is_chance(photographs):
 
     nothing, lucky = ([], FURTHER), (told.look.photographs, 1000.0)
     told.look.further = lambda instruction, k: (lucky, nothing)[k]
-    assert told.need("field_curvature", "", MIN_INFORMATION, seen)["text"].endswith(
-        MORE.words
-    )  # the same again is no luck
+    # The same again is no luck
+    assert told.need("field_curvature", "", MIN_INFORMATION, seen)["text"].endswith(MORE.words)
     assert told.need("field_curvature", "", 40 * MIN_INFORMATION, seen) is None
     told.look.further, told._brought = lambda instruction, k: lucky, {}
     assert told.need("field_curvature", "", 40 * MIN_INFORMATION, seen)["text"].endswith(CORNERS)

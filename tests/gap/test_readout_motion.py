@@ -28,9 +28,8 @@ def by_hand(problem, seed, turn_rad=TURN_RAD, cx_px=319.5, p1=0.0):
         for _ in range(8):  # a point's row says when it is read, and that where it lies
             for k, t in enumerate(when):
                 moved = make_pose(t * turn, np.zeros(3)) @ T
-                xy[k] = cv2.projectPoints(POINTS[k : k + 1], cv2.Rodrigues(moved[:3, :3])[0], moved[:3, 3], K, lens)[
-                    0
-                ].ravel()
+                turned, _ = cv2.Rodrigues(moved[:3, :3])
+                xy[k] = cv2.projectPoints(POINTS[k], turned, moved[:3, 3], K, lens)[0].ravel()
             when = (xy[:, 1] + 0.5) / SIZE[1] - 0.5
         features = xy + NOISE_PX * rng.standard_normal(xy.shape)
         captures.append(replace(capture, observation=replace(capture.observation, features=features)))
