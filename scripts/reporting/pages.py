@@ -22,11 +22,14 @@ def data_uri(picture, kind="png"):
     return f"data:image/{kind};base64,{base64.b64encode(picture).decode()}"
 
 
-def title_of(notebook):
-    """Return the notebook's first heading."""
+def heading_of(notebook):
+    """Return (title, the words below it as Markdown) of the notebook's first heading, in a cell of text or displayed by code."""
     for cell in notebook.cells:
-        if cell.cell_type == "markdown" and cell.source.startswith("# "):
-            return cell.source.splitlines()[0][2:]
+        displayed = [output.data.get("text/markdown", "") for output in cell.get("outputs", []) if "data" in output]
+        for text in [cell.source] if cell.cell_type == "markdown" else displayed:
+            if text.startswith("# "):
+                title, _, words = text[2:].partition("\n")
+                return title, words
     raise ValueError("the notebook has no heading '# ...' that could name its page")
 
 
@@ -36,7 +39,7 @@ def page_of(notebook, template):
 
     exporter = HTMLExporter(template_name="basic", exclude_input=True, exclude_output_prompt=True, anchor_link_text="")
     body, _ = exporter.from_notebook_node(notebook)
-    return render(template, title=title_of(notebook), body=body)
+    return render(template, title=heading_of(notebook)[0], body=body)
 
 
 def pictures_of(notebook, tag="report"):
@@ -48,28 +51,23 @@ def pictures_of(notebook, tag="report"):
     return "\n".join(parts)
 
 
-def lead_of(notebook):
-    """Return the HTML of what the notebook's first cell says below its title: how to read the pictures."""
-    from nbconvert.filters import markdown2html
-
-    return markdown2html(notebook.cells[0].source.partition("\n")[2])
-
-
 def sections_of(notebooks):
-    """Return a dict a notebook: ``name``, ``title``, ``lead``, ``page`` (its HTML file), ``pictures``, ``front`` (those
-    that the report starts with).
+    """Return a dict a notebook: ``name``, ``title``, ``lead`` (HTML of what stands below the title: how to read the
+    pictures), ``page`` (its HTML file), ``pictures``, ``front`` (those that the report starts with).
     """
     import nbformat
+    from nbconvert.filters import markdown2html
 
     sections = []
     for path in notebooks:
         notebook = nbformat.read(path, as_version=4)
         name = Path(path).stem
+        title, words = heading_of(notebook)
         sections.append(
             {
                 "name": name,
-                "title": title_of(notebook),
-                "lead": lead_of(notebook),
+                "title": title,
+                "lead": markdown2html(words),
                 "page": f"{name}.html",
                 "pictures": pictures_of(notebook),
                 "front": pictures_of(notebook, "front"),

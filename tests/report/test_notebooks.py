@@ -4,12 +4,14 @@ import json
 from pathlib import Path
 
 import cv2
+import nbformat.v4
 import numpy as np
 import pandas as pd
 import pytest
 
 from aggregate.small_campaign import detection, write, write_tables
 from build_report import build_report
+from reporting.pages import heading_of
 from reporting.sentences import ladder_rows, verdict_words
 from run_notebook import run_notebook
 
@@ -72,6 +74,16 @@ def test_page_is_self_contained_and_comes_out_the_same_again(run):
         assert foreign not in first
     _, second = execute(run, "figure3", run / "again")
     assert first == second
+
+
+def test_a_heading_that_code_displays_titles_the_page():
+    """Fails if only a cell of text can name a page (a diagnosis begins with words about its baseline), or a later one does."""
+    displayed = nbformat.v4.new_output("display_data", {"text/markdown": "# What has changed?\n\nOne twin."})
+    code = nbformat.v4.new_code_cell("display(...)", outputs=[nbformat.v4.new_output("stream", text="# no"), displayed])
+    notebook = nbformat.v4.new_notebook(cells=[code, nbformat.v4.new_markdown_cell("# Later")])
+    assert heading_of(notebook) == ("What has changed?", "\nOne twin.")
+    with pytest.raises(ValueError, match="no heading"):
+        heading_of(nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell("Words alone")]))
 
 
 def test_report_joins_pages_and_says_simulated(run):
