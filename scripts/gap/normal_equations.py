@@ -5,7 +5,9 @@ Derivatives are {capture index: (Jt, Jp)}: of the whitened prediction by k free 
 
 import numpy as np
 
+from gap.observables import FEATURE_GROUPS
 from gap.residuals import GROUPS, NU, flatten
+from gap.score import group_gaps
 
 SHARED = 0.25  # of the features' floors, what all plates of all captures may have in common
 TELLING = 0.25  # squared standard errors from which a step corrects derivatives
@@ -62,11 +64,11 @@ def errors_of(covariance, derivatives, groups, precision, whiteners):
     Residuals scatter less where a floor is more than the noise (what poses may be off by, and priors of ``precision``
     (k,), are declared and count as such), and those of one capture can be wrong together: the greater of what each by
     itself and each capture as a whole makes of the parameters. Cautious errors take a variance of 1 for the former.
-    Both hold the part of the features' floors that is the same for all plates and does not average out. Sources:
-    White, "A heteroskedasticity-consistent covariance matrix estimator" (1980); Liang and Zeger, "Longitudinal data
-    analysis using generalized linear models" (1986).
+    Both hold the part of the features' floors that is the same for all plates and does not average out; errors only as
+    much of it as residuals show of the floors. Sources: White, "A heteroskedasticity-consistent covariance matrix
+    estimator" (1980); Liang and Zeger, "Longitudinal data analysis using generalized linear models" (1986).
     """
-    single, gradients, shared = np.diag(precision), [], 0.0
+    single, gradients, shared, shown = np.diag(precision), [], 0.0, shares_shown(groups)
     for i, (Jt, Jp) in derivatives.items():
         y, w = flatten(groups[i]), whiteners[i]
         each = weighted_without_pose(y, Jp, Jt)
@@ -78,10 +80,18 @@ def errors_of(covariance, derivatives, groups, precision, whiteners):
     g = np.array(gradients) - np.mean(gradients, axis=0)
     together = g.T @ g * len(g) / max(len(g) - 1, 1)
     single, together = (np.diag(covariance @ meat @ covariance) for meat in (single, together))
-    common = ((covariance @ shared) ** 2).sum(1)
+    common = covariance @ shared
+    seen = common * shown[: common.shape[1]]
     cautious = np.maximum(together, np.diag(covariance))
     with np.errstate(invalid="ignore"):  # what changes nothing has no error: NaN
-        return np.sqrt(np.maximum(together, single) + common), np.sqrt(cautious + common)
+        return np.sqrt(np.maximum(together, single) + (seen**2).sum(1)), np.sqrt(cautious + (common**2).sum(1))
+
+
+def shares_shown(groups):
+    """Return the shares (19,), at most 1, of plates' features' floors that captures' residual groups show."""
+    gaps = group_gaps(groups, {})
+    parts = [(min(gaps.get(name, 1.0), 1.0), part.stop - part.start) for name, part in FEATURE_GROUPS.items()]
+    return np.repeat(*zip(*parts, strict=True))
 
 
 def without_pose(y, Jt, Jp, nu):

@@ -83,6 +83,22 @@ def test_stated_errors_follow_the_scatter_and_cautious_ones_do_not():
     np.testing.assert_allclose(cautious, [expected, expected], rtol=0.05)
 
 
+@pytest.mark.parametrize(("scatter", "shown"), [(0.1, 0.1), (3.0, 1.0)])
+def test_what_all_plates_share_is_stated_as_far_as_residuals_show_the_floors(scatter, shown):
+    """Fails if a parameter that many plates tell is stated to a quarter of floors ten times as wide as all residuals, if its name
+    is given by that, or if a twin that fits badly makes the floors wider than declared.
+    """
+    rng, captures, floor = np.random.default_rng(2), range(200), 8.0
+    groups = {i: {name: scatter * rng.standard_normal(size) for name, size in SIZES.items()} for i in captures}
+    derivatives = {i: (np.eye(35, 1), np.zeros((35, 6))) for i in captures}
+    H, _, _ = normal_equations(derivatives, groups, NU, (np.zeros((1, 1)), np.zeros(1)))
+    whitener = whitener_of_one_plate()
+    whitener.floor = np.full(19, floor)
+    errors, cautious = errors_of(np.linalg.inv(H), derivatives, groups, np.zeros(1), dict.fromkeys(captures, whitener))
+    assert cautious[0] == pytest.approx(floor / 4, rel=0.1)
+    assert errors[0] == pytest.approx(shown * floor / 4, rel=0.15)
+
+
 def test_what_only_a_prior_tells_is_known_as_well_as_the_prior():
     """A parameter that no residual sees, as a codec's colour in grey images, would be stated without any error."""
     groups = {0: {name: np.ones(size) for name, size in SIZES.items()}}

@@ -43,6 +43,36 @@ def test_a_boards_cells_are_searched_again_only_where_a_good_share_is_open(monke
     assert ways == tried
 
 
+@pytest.mark.parametrize(
+    ("verdicts", "left", "taken"),
+    [
+        ("unexplained explained", (0.29, 0.20), 1),
+        ("unexplained explained", (0.29, 0.30), 0),
+        ("unexplained unexplained", (0.29, 0.20), 0),
+        ("unexplained unexplained", (0.29, 0.14), 1),
+        ("explained explained", (0.29, 0.20), 0),
+    ],
+)
+def test_a_way_that_explains_takes_the_place_of_one_that_does_not(monkeypatch, verdicts, left, taken):
+    """Fails if a camera stays unexplained by the best first step where the next best one explains more of it, or if the best
+    step's way, as good by its verdict, gives way to one that leaves hardly less.
+    """
+    outcomes = [
+        SimpleNamespace(verdict=v, is_closed=False, share_left=share, twin=SimpleNamespace(excess={"edges": 25.0}))
+        for v, share in zip(verdicts.split(), left, strict=True)
+    ]
+    ways = iter(outcomes)
+    monkeypatch.setattr(select_effects, "path", lambda *_: next(ways))
+    monkeypatch.setattr(select_effects, "is_missing_from", lambda *_: True)
+    monkeypatch.setattr(select_effects, "rank", list)
+    selection = SimpleNamespace(
+        search=SimpleNamespace(problem=SimpleNamespace(is_of_signs=False)), is_spent=lambda: False
+    )
+    first = [SimpleNamespace(effect=n, main_group="edges") for n in ("motion_blur", "denoising")]
+    best = select_effects._one_by_one(selection, None, first, {"edges": 100.0}, None)
+    assert best is outcomes[taken]
+
+
 @pytest.mark.parametrize("there", ["lens_blur", "vignetting"])
 def test_short_fits_begin_what_a_sharpening_undoes_anew(monkeypatch, there):
     """Fails if a sharpening is fitted only beside the weak blur that stands for both, or beside a fall-off, which hides none."""
