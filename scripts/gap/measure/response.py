@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gap.measure.plate import MAX_RIM, N_STATE, _expand, _solve, code_homography, plate_window, px_per_m
+from gap.measure.plate import MAX_RIM, N_STATE, PAD_PX, _expand, _solve, code_homography, frame_window, px_per_m
 from gap.observables import CORNERS, FEATURE_RIDGE, LEVELS, N_FEATURES, STATE_FEATURES, STATE_RIM
 from kernels import njit
 
@@ -20,8 +20,7 @@ def plate_response(image, state, half_code, half_plate, beyond, rectangles, leve
     corners = state[CORNERS].copy().reshape(4, 2)
     outline = half_plate + state[STATE_RIM] / px_per_m(corners, half_code)
     outline = min(max(outline, half_code), MAX_RIM * half_plate)
-    x0, y0, x1, y1 = plate_window(code_homography(corners, half_code), outline, 3)
-    x0, y0, x1, y1 = max(x0, 0), max(y0, 0), min(x1, image.shape[1]), min(y1, image.shape[0])
+    x0, y0, x1, y1 = frame_window(image.shape, code_homography(corners, half_code), outline, PAD_PX)
     patch = image[y0:y1, x0:x1].astype(np.float64)
     B, residual = _expand(
         patch, corners, half_code, outline + beyond, rectangles, levels, state[LEVELS], lut, x0, y0, 0
