@@ -42,7 +42,7 @@ MIN_SHARE_OF_BEST = 0.03  # of the largest predicted gain: less is not fitted in
 MAX_UNDERSTATED = 3.0  # times the predicted gain that an effect may really have
 RIVALS = 0.7  # share of the largest predicted gain from which an effect is tried that can only be another name
 MIN_STATIONS = 0.7  # share of held-out stations that must not lose: a highlight is not seen from everywhere
-HARDLY_CLOSED = 0.4  # share left above which what helped gets no name; of what may be the floor, that a name closes
+HARDLY_CLOSED = 0.4  # share above which what helped a little gets no name
 FIRST_STEPS = 3  # that are tried one after the other, until one path closes the gap well
 BUDGET = 60_000  # predictions and derivatives by images, of one capture each
 
@@ -76,8 +76,8 @@ def concluded(selection, base, first):
     Where many effects are proposed together, they are fitted so first, else one is added after the other. The best first step
     is not always on the best way: where it leaves its own group of observables open, or comes near and does not reach the
     floor, the next best ones are tried as well. What can mimic anything of its kind, a warp of many waves, competes only where
-    the others leave a gap. Where more than ``most_left`` of the gap stays, and no step closed the group of observables in which
-    it gained most, a good share of it all, what helped is a patch on something else: it gets no name.
+    the others leave a gap. Where most of the gap stays, and no step closed the group of observables in which it gained most, a
+    good share of it all, what helped is a patch on something else: it gets no name.
     """
     before = base.excess
     if selection.search.problem.floor_within > 1 and is_at_floor(base):  # as good as no repeats can tell
@@ -91,7 +91,7 @@ def concluded(selection, base, first):
     if best.verdict == "unexplained" and not selection.is_spent():
         best = _with_flexible(selection, base, first, best, before)
     patched = not any(closes_a_good_share(best.twin, step.main_group, before) for step in best.steps)
-    if not best.is_closed and best.share_left > most_left(selection.search, best.twin) and patched:
+    if not best.is_closed and best.share_left > HARDLY_CLOSED and patched:
         best = outcome_of(selection.search.problem, (), rank(first), base, before)
     within_budget = not selection.is_spent()  # what follows changes no name
     told = in_last_twin(selection.search, best.twin, best.steps, before)
@@ -331,22 +331,11 @@ def can_be_missing(name, predicted, excess):
     )
 
 
-def may_be_floor(search, twin):
-    """Return whether all that a twin leaves may be the floor, which is known to a factor."""
-    within = search.problem.floor_within
-    return within > 1 and twin.gap <= MAX_FLOOR_GAP * within
-
-
-def most_left(search, twin):
-    """Return the share of the first excess that a twin may leave beside names: where the rest may be the floor, what is explained
-    of it on captures that no fit saw was none.
-    """
-    return 1 - HARDLY_CLOSED if may_be_floor(search, twin) else HARDLY_CLOSED
-
-
 def is_missing_from(search, twin, candidate):
     """Return whether a candidate is missing from a twin: it closes more of what is left where all of that may be the floor."""
-    return is_missing(candidate, twin.excess, HARDLY_CLOSED if may_be_floor(search, twin) else MIN_SHARE)
+    within = search.problem.floor_within
+    may_be_floor = within > 1 and twin.gap <= MAX_FLOOR_GAP * within
+    return is_missing(candidate, twin.excess, HARDLY_CLOSED if may_be_floor else MIN_SHARE)
 
 
 def is_missing(candidate, excess, share):
