@@ -230,7 +230,7 @@ def test_floors_rise_to_a_twins_own_scatter_where_its_noise_is_like_the_real_one
 
 
 def test_a_twin_that_is_right_but_for_the_scatter_of_photographs_has_a_gap_of_one():
-    """Fails if floors of signs count outliers otherwise than gaps do: a set that hands shook would stay open whatever is named."""
+    """Fails if floors of signs count outliers otherwise than gaps do: a set that hands shook stays open whatever is named."""
     values = 7.0 + np.random.default_rng(4).standard_t(3, 300) * 0.2
     scale = robust_scatter(np.append(values, np.nan), 0.01)
     groups = {0: {"edges": (values - np.median(values)) / scale}}
