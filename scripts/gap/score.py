@@ -1,7 +1,6 @@
 """Losses and gaps of residual groups {capture index: {group: residuals}}, and the floor: how far repeats lie apart."""
 
 import numpy as np
-from scipy.optimize import brentq
 
 from gap.observables import GAP_GROUPS, MIN_FLOOR
 from gap.residuals import RHO_NOISE, flatten, rho
@@ -68,21 +67,6 @@ def floors_of(case, groups):
                 np.clip(np.sqrt(rho(np.concatenate(values)).mean() / RHO_NOISE), MIN_FLOOR[name], MAX_FLOOR)
             )
     return floors
-
-
-def robust_scatter(values, least):
-    """Return the scale, ``least`` or more, in which values (n,) lie about their median as noise of variance 1 does, by the robust
-    loss; what is NaN does not count. Source: P. J. Huber, "Robust estimation of a location parameter" (1964).
-    """
-    values = values[np.isfinite(values)]
-    off = values - np.median(values)
-
-    def above_noise(scale):
-        return rho(off / scale).sum() - RHO_NOISE * (len(off) - 1)  # the median is fitted
-
-    if above_noise(least) <= 0:
-        return least
-    return float(brentq(above_noise, least, least + 10 * np.abs(off).max()))
 
 
 def losses_of(groups):

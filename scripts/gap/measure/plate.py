@@ -22,7 +22,6 @@ PX_PER_LEVEL = 0.02  # how much a grey level counts beside a pixel there
 COARSE_ITERATIONS, FINE_ITERATIONS = 5, 30
 SMALLEST_STEP_PX = 0.001
 LARGEST_PX = 600
-PAD_PX, NEAR_PAD_PX = 3, 1  # about a plate, of a window that is cut anew, and of one that is kept
 
 
 @njit(cache=True, nogil=True)
@@ -145,7 +144,7 @@ def _expand(image, corners, half_code, half_plate, rectangles, levels, shifts, l
     """Return (expansion images (19, h - 2, w - 2), residual) of a patch (h, w) about the model at ``corners``, its rim left out.
 
     ``half_plate`` is that found so far, ``shifts`` (5,) are grey levels already found for white, black, ground and the
-    slopes over the plate. In single precision: the fit's sums over them take most of its time.
+    slopes over the plate.
     """
     h, w = image.shape
     plate, black, us, vs, model = _draw_model(
@@ -162,8 +161,8 @@ def _expand(image, corners, half_code, half_plate, rectangles, levels, shifts, l
     blurred = _box(image, radius)
     wide = _box(smooth, 4)
     rim = _box(rim, radius)
-    B = np.empty((N_FEATURES, h - 2, w - 2), np.float32)
-    residual = np.empty((h - 2, w - 2), np.float32)
+    B = np.empty((N_FEATURES, h - 2, w - 2))
+    residual = np.empty((h - 2, w - 2))
     gx = np.empty(w - 2)
     gy = np.empty(w - 2)
     for r in range(1, h - 1):
@@ -208,11 +207,9 @@ def _solve(B, residual, ridge):
     n = B.shape[0]
     columns = B.reshape(n, -1)
     y = residual.reshape(-1)
-    A = (columns @ columns.T).astype(np.float64)
-    b = (columns @ y).astype(np.float64)
-    rss = 0.0  # summed in double precision: most of it may be explained
-    for k in range(len(y)):
-        rss += y[k] * y[k]
+    A = columns @ columns.T
+    b = columns @ y
+    rss = y @ y
     M = A.copy()
     for i in range(n):
         M[i, i] += ridge[i]
@@ -237,13 +234,6 @@ def plate_window(H, half_plate, pad):
     x0, y0 = int(np.floor(xs.min())) - pad, int(np.floor(ys.min())) - pad
     x1, y1 = int(np.ceil(xs.max())) + pad + 1, int(np.ceil(ys.max())) + pad + 1
     return x0, y0, x1, y1
-
-
-@njit(cache=True, nogil=True)
-def frame_window(shape, H, half_plate, pad):
-    """Return what ``plate_window`` does, as much of it as lies in an image of a shape (H, W)."""
-    x0, y0, x1, y1 = plate_window(H, half_plate, pad)
-    return max(x0, 0), max(y0, 0), min(x1, shape[1]), min(y1, shape[0])
 
 
 @njit(cache=True, nogil=True)
@@ -283,8 +273,7 @@ def measure_plate(image, start, half_code, half_plate, beyond, rectangles, level
     radii        box radii of the coarse-to-fine passes, ending in 0; max_px how far corners may go from ``start``
 
     Return (features (19,), information matrix (19, 19) per unit noise variance, corners (4, 2), noise variance of
-    the fit, steps' last size in pixels, 1.0 if converged else 0.0); the first eight features are the corners. A pass keeps its
-    window while the plate stays in it: a row of pixels that comes and goes with the fit would not let it end.
+    the fit, steps' last size in pixels, 1.0 if converged else 0.0); the first eight features are the corners.
     """
     corners = start[CORNERS].copy().reshape(4, 2)
     values = np.zeros(N_FEATURES)
@@ -292,8 +281,6 @@ def measure_plate(image, start, half_code, half_plate, beyond, rectangles, level
     variance = 0.0
     size = 1e9
     state = start.copy()
-    x0, y0, x1, y1 = 0, 0, 0, 0
-    patch = np.empty((0, 0))
     for p in range(radii.shape[0]):
         radius = radii[p]
         changes = np.zeros((2, DEPTH, N_STATE))  # of the state and of its step, from one iteration to the next
@@ -302,13 +289,11 @@ def measure_plate(image, start, half_code, half_plate, beyond, rectangles, level
             corners = state[CORNERS].copy().reshape(4, 2)
             outline = half_plate + state[STATE_RIM] / px_per_m(corners, half_code)
             outline = min(max(outline, half_code), MAX_RIM * half_plate)
-            H = code_homography(corners, half_code)
-            nx0, ny0, nx1, ny1 = frame_window(image.shape, H, outline, NEAR_PAD_PX + 2 * radius)
-            if n == 0 or nx0 < x0 or ny0 < y0 or nx1 > x1 or ny1 > y1:
-                x0, y0, x1, y1 = frame_window(image.shape, H, outline, PAD_PX + 2 * radius)
-                if x1 - x0 < 8 or y1 - y0 < 6 or x1 - x0 > LARGEST_PX or y1 - y0 > LARGEST_PX:
-                    return values, info, corners, variance, size, 0.0
-                patch = image[y0:y1, x0:x1].astype(np.float64)
+            x0, y0, x1, y1 = plate_window(code_homography(corners, half_code), outline, 3 + 2 * radius)
+            x0, y0, x1, y1 = max(x0, 0), max(y0, 0), min(x1, image.shape[1]), min(y1, image.shape[0])
+            if x1 - x0 < 8 or y1 - y0 < 6 or x1 - x0 > LARGEST_PX or y1 - y0 > LARGEST_PX:
+                return values, info, corners, variance, size, 0.0
+            patch = image[y0:y1, x0:x1].astype(np.float64)
             shifts = state[LEVELS]
             white = outline + beyond
             B, residual = _expand(patch, corners, half_code, white, rectangles, levels, shifts, lut, x0, y0, radius)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gap.measure.plate import MAX_RIM, N_STATE, PAD_PX, _expand, _solve, code_homography, frame_window, px_per_m
+from gap.measure.plate import MAX_RIM, N_STATE, _expand, _solve, code_homography, plate_window, px_per_m
 from gap.observables import CORNERS, FEATURE_RIDGE, LEVELS, N_FEATURES, STATE_FEATURES, STATE_RIM
 from kernels import njit
 
@@ -20,13 +20,14 @@ def plate_response(image, state, half_code, half_plate, beyond, rectangles, leve
     corners = state[CORNERS].copy().reshape(4, 2)
     outline = half_plate + state[STATE_RIM] / px_per_m(corners, half_code)
     outline = min(max(outline, half_code), MAX_RIM * half_plate)
-    x0, y0, x1, y1 = frame_window(image.shape, code_homography(corners, half_code), outline, PAD_PX)
+    x0, y0, x1, y1 = plate_window(code_homography(corners, half_code), outline, 3)
+    x0, y0, x1, y1 = max(x0, 0), max(y0, 0), min(x1, image.shape[1]), min(y1, image.shape[0])
     patch = image[y0:y1, x0:x1].astype(np.float64)
     B, residual = _expand(
         patch, corners, half_code, outline + beyond, rectangles, levels, state[LEVELS], lut, x0, y0, 0
     )
     c, M, _, _ = _solve(B, residual, FEATURE_RIDGE)
-    flat, left = B.astype(np.float64).reshape(N_FEATURES, -1), residual.astype(np.float64).ravel()
+    flat, left = B.reshape(N_FEATURES, -1), residual.copy().ravel()
     by_pixel = np.linalg.solve(M, flat)
     explained = c @ flat
     unexplained = left - explained
@@ -44,9 +45,9 @@ def plate_response(image, state, half_code, half_plate, beyond, rectangles, leve
         B_there, left_there = _expand(
             patch, corners, half_code, outline + beyond, rectangles, levels, state[LEVELS], lut, x0, y0, 0
         )
-        flat_there = B_there.astype(np.float64).reshape(N_FEATURES, -1)
+        flat_there = B_there.reshape(N_FEATURES, -1)
         there = flat_there @ unexplained - own
-        there += flat @ (left_there.astype(np.float64).ravel() - left - c @ flat_there + explained)
+        there += flat @ (left_there.copy().ravel() - left - c @ flat_there + explained)
         by_state[:, k] = np.linalg.solve(M, there) / PIXEL_STEP_PX
     moving = STATE_FEATURES
     for k in range(N_STATE):
