@@ -5,7 +5,7 @@ Derivatives are {capture index: (Jt, Jp)}: of the whitened prediction by k free 
 
 import numpy as np
 
-from gap.observables import FEATURE_GROUPS
+from gap.observables import FEATURE_GROUPS, N_FEATURES
 from gap.residuals import GROUPS, NU, flatten
 from gap.score import group_gaps
 
@@ -68,7 +68,7 @@ def errors_of(covariance, derivatives, groups, precision, whiteners):
     much of it as residuals show of the floors. Sources: White, "A heteroskedasticity-consistent covariance matrix
     estimator" (1980); Liang and Zeger, "Longitudinal data analysis using generalized linear models" (1986).
     """
-    single, gradients, shared, shown = np.diag(precision), [], 0.0, shares_shown(groups)
+    single, gradients, shared = np.diag(precision), [], 0.0
     for i, (Jt, Jp) in derivatives.items():
         y, w = flatten(groups[i]), whiteners[i]
         each = weighted_without_pose(y, Jp, Jt)
@@ -81,7 +81,7 @@ def errors_of(covariance, derivatives, groups, precision, whiteners):
     together = g.T @ g * len(g) / max(len(g) - 1, 1)
     single, together = (np.diag(covariance @ meat @ covariance) for meat in (single, together))
     common = covariance @ shared
-    seen = common * shown[: common.shape[1]]
+    seen = common * shares_shown(groups)[: common.shape[1]]  # a board's points have two features alone
     cautious = np.maximum(together, np.diag(covariance))
     with np.errstate(invalid="ignore"):  # what changes nothing has no error: NaN
         return np.sqrt(np.maximum(together, single) + (seen**2).sum(1)), np.sqrt(cautious + (common**2).sum(1))
@@ -89,9 +89,10 @@ def errors_of(covariance, derivatives, groups, precision, whiteners):
 
 def shares_shown(groups):
     """Return the shares (19,), at most 1, of plates' features' floors that captures' residual groups show."""
-    gaps = group_gaps(groups, {})
-    parts = [(min(gaps.get(name, 1.0), 1.0), part.stop - part.start) for name, part in FEATURE_GROUPS.items()]
-    return np.repeat(*zip(*parts, strict=True))
+    gaps, shares = group_gaps(groups, {}), np.ones(N_FEATURES)
+    for name, part in FEATURE_GROUPS.items():
+        shares[part] = min(gaps.get(name, 1.0), 1.0)
+    return shares
 
 
 def without_pose(y, Jt, Jp, nu):

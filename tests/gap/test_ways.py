@@ -12,6 +12,16 @@ from gap.outcome import Step, outcome_of
 from gap.search import MAX_STARTS
 
 
+def best_way(monkeypatch, path, names, before, is_of_signs):
+    """Return the Outcome that is taken of ways which begin with effects of some names and go where ``path`` says."""
+    monkeypatch.setattr(select_effects, "path", path)
+    monkeypatch.setattr(select_effects, "is_missing_from", lambda *_: True)
+    monkeypatch.setattr(select_effects, "rank", list)
+    search = SimpleNamespace(problem=SimpleNamespace(is_of_signs=is_of_signs))
+    first = [SimpleNamespace(effect=n, main_group="edges") for n in names]
+    return select_effects._one_by_one(SimpleNamespace(search=search, is_spent=lambda: False), None, first, before, None)
+
+
 @pytest.mark.parametrize(
     ("is_of_signs", "left", "tried"),
     [
@@ -33,13 +43,7 @@ def test_a_boards_cells_are_searched_again_only_where_a_good_share_is_open(monke
         ways.append(start_with)
         return SimpleNamespace(verdict="explained", is_closed=False, share_left=0.1, twin=SimpleNamespace(excess=left))
 
-    monkeypatch.setattr(select_effects, "path", path)
-    monkeypatch.setattr(select_effects, "is_missing_from", lambda *_: True)
-    monkeypatch.setattr(select_effects, "rank", list)
-    search = SimpleNamespace(problem=SimpleNamespace(is_of_signs=is_of_signs))
-    first = [SimpleNamespace(effect=n, main_group="edges") for n in ("lens_blur", "defocus", "motion_blur")]
-    selection = SimpleNamespace(search=search, is_spent=lambda: False)
-    select_effects._one_by_one(selection, None, first, before, None)
+    best_way(monkeypatch, path, ("lens_blur", "defocus", "motion_blur"), before, is_of_signs)
     assert ways == tried
 
 
@@ -62,14 +66,7 @@ def test_a_way_that_explains_takes_the_place_of_one_that_does_not(monkeypatch, v
         for v, share in zip(verdicts.split(), left, strict=True)
     ]
     ways = iter(outcomes)
-    monkeypatch.setattr(select_effects, "path", lambda *_: next(ways))
-    monkeypatch.setattr(select_effects, "is_missing_from", lambda *_: True)
-    monkeypatch.setattr(select_effects, "rank", list)
-    selection = SimpleNamespace(
-        search=SimpleNamespace(problem=SimpleNamespace(is_of_signs=False)), is_spent=lambda: False
-    )
-    first = [SimpleNamespace(effect=n, main_group="edges") for n in ("motion_blur", "denoising")]
-    best = select_effects._one_by_one(selection, None, first, {"edges": 100.0}, None)
+    best = best_way(monkeypatch, lambda *_: next(ways), ("motion_blur", "denoising"), {"edges": 100.0}, False)
     assert best is outcomes[taken]
 
 
