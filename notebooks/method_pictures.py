@@ -48,7 +48,7 @@ def whitened(results, camera):
     index = {plate.name: k for k, plate in enumerate(case.scene.plates)}
     out = {twin: [] for twin in TWINS}
     for (twin, capture), rows in read_plates(results, camera).groupby(["twin", "capture"]):
-        w = Whitener(capture_of[capture], with_noise=False)
+        w = Whitener(capture_of[capture], with_noise=False, n_pose=len(case.sigma_pose))
         at = np.searchsorted(w.plates, [index[name] for name in rows["plate"]])
         out[twin].append(np.einsum("pij,pj->pi", w.lower_inverse[at], rows[list(FEATURES)].to_numpy()).ravel())
     return {twin: np.concatenate(parts) for twin, parts in out.items()}

@@ -7,10 +7,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from case_files import load_case, load_observations
+from gap.observables import FEATURES
 from report.explored import CAMERAS, DRAWN, GAPS, PLATE_GAPS_PX, STEPS, explore, lay_down_run, paths_of, told_in
 from reporting.explore_tables import as_js, bins_of, cell_sums, place_of, plate_sums, tilt_bins
 from reporting.ladder_images import chosen, rungs_of
 from rig.geometry import camera_matrix, station_pose
+from workflow_runs import PROJECT
 
 
 @pytest.fixture(scope="module")
@@ -172,3 +175,27 @@ def test_equal_inputs_give_equal_bytes_and_nothing_half_written(run):
         explore(run, run.parent / "campaign", "right")
     verdict.write_text(told)
     assert {p.name for p in folder.parent.iterdir() if p.is_dir()} == {*CAMERAS, "openseadragon"}
+
+
+def test_residuals_of_the_methods_page_are_those_of_the_plates_that_a_run_measured(run, monkeypatch):
+    """Fails if a run's observations cannot be whitened any more, or one twin's residuals are shown as the other's."""
+    monkeypatch.syspath_prepend(PROJECT / "notebooks")
+    import method_pictures
+
+    paths = paths_of(run, "left")
+    case, _ = load_case(paths["expand"], paths["register_json"], "left")
+    load_observations(paths["observations"], case)
+    measured = [
+        (c.view.capture, case.scene.plates[k].name)
+        for c in case.captures
+        for k in np.flatnonzero(c.observation.measured)
+    ]
+    rows = [
+        {"twin": twin, "capture": capture, "plate": plate} | dict.fromkeys(FEATURES, gap)
+        for twin, gap in (("configured", 1.0), ("explained", 0.1))
+        for capture, plate in measured
+    ]
+    monkeypatch.setattr(method_pictures, "read_plates", lambda *_: pd.DataFrame(rows))
+    found = method_pictures.whitened(run, "left")
+    assert found["configured"].size == len(measured) * len(FEATURES) > 0
+    np.testing.assert_allclose(found["configured"], 10 * found["explained"])
