@@ -1,8 +1,12 @@
 """What is measured in an image, and what is left out of it."""
 
 import numpy as np
+import pytest
+from drawn_board import board_case, photograph
 
+from gap.measure.capture import FINE, MAX_PX_OFF, grey_of, states_at
 from gap.measure.places import agreeing
+from gap.measure.plate import SMALLEST_STEP_PX, measure_plate
 
 SIDE_PX = 12.0
 
@@ -21,3 +25,21 @@ def test_a_plate_that_was_taken_for_its_neighbour_is_left_out():
     assert agreeing(starts, corners, measured).tolist() == [k not in (4, 7) for k in range(9)]
     few = np.isin(np.arange(9), (3, 4, 5))
     assert agreeing(starts, corners, few).tolist() == few.tolist()
+
+
+@pytest.mark.parametrize(
+    "blur", [("lens_blur", {"sigma_px": 0.8, "softness": 1.0}), ("motion_blur", {"dx_px": 2.0, "dy_px": 0.5})]
+)
+def test_the_fit_of_a_blurred_patch_ends_wherever_it_lies_between_pixels(blur):
+    """Fails if the window is cut anew however long a fit goes on: a row comes and goes, and one patch in a hundred is lost."""
+    case, steps = board_case(6), []
+    codes = case.codes
+    for k, capture in enumerate(case.captures):
+        grey = np.ascontiguousarray(grey_of(photograph(case, k, [blur])), np.float32)
+        for i, state in enumerate(states_at(case.corners_of(capture, [], np.zeros(6)), codes)):
+            fit = measure_plate(
+                grey, state, codes.half_code[i], codes.half_plate[i], codes.beyond, codes.rectangles[i],
+                codes.levels, codes.lut, FINE, MAX_PX_OFF,
+            )  # fmt: skip
+            steps.append(fit[4])
+    assert len(steps) > 100 and max(steps) < SMALLEST_STEP_PX

@@ -20,6 +20,9 @@ MAX_RIM = 1.5  # of the plate's half side
 DEPTH = 4  # iterations whose changes lead the next
 PX_PER_LEVEL = 0.02  # how much a grey level counts beside a pixel there
 COARSE_ITERATIONS, FINE_ITERATIONS = 5, 30
+CUTTING_ITERATIONS = (
+    10  # after which a fit keeps its window: a row of pixels that comes and goes may keep it from its end
+)
 SMALLEST_STEP_PX = 0.001
 LARGEST_PX = 600
 
@@ -144,7 +147,7 @@ def _expand(image, corners, half_code, half_plate, rectangles, levels, shifts, l
     """Return (expansion images (19, h - 2, w - 2), residual) of a patch (h, w) about the model at ``corners``, its rim left out.
 
     ``half_plate`` is that found so far, ``shifts`` (5,) are grey levels already found for white, black, ground and the
-    slopes over the plate.
+    slopes over the plate. In single precision: the fit's sums over them take most of its time.
     """
     h, w = image.shape
     plate, black, us, vs, model = _draw_model(
@@ -161,8 +164,8 @@ def _expand(image, corners, half_code, half_plate, rectangles, levels, shifts, l
     blurred = _box(image, radius)
     wide = _box(smooth, 4)
     rim = _box(rim, radius)
-    B = np.empty((N_FEATURES, h - 2, w - 2))
-    residual = np.empty((h - 2, w - 2))
+    B = np.empty((N_FEATURES, h - 2, w - 2), np.float32)
+    residual = np.empty((h - 2, w - 2), np.float32)
     gx = np.empty(w - 2)
     gy = np.empty(w - 2)
     for r in range(1, h - 1):
@@ -207,9 +210,11 @@ def _solve(B, residual, ridge):
     n = B.shape[0]
     columns = B.reshape(n, -1)
     y = residual.reshape(-1)
-    A = columns @ columns.T
-    b = columns @ y
-    rss = y @ y
+    A = (columns @ columns.T).astype(np.float64)
+    b = (columns @ y).astype(np.float64)
+    rss = 0.0  # summed in double precision: most of it may be explained
+    for k in range(len(y)):
+        rss += y[k] * y[k]
     M = A.copy()
     for i in range(n):
         M[i, i] += ridge[i]
@@ -281,6 +286,7 @@ def measure_plate(image, start, half_code, half_plate, beyond, rectangles, level
     variance = 0.0
     size = 1e9
     state = start.copy()
+    x0, y0, x1, y1 = 0, 0, 0, 0
     for p in range(radii.shape[0]):
         radius = radii[p]
         changes = np.zeros((2, DEPTH, N_STATE))  # of the state and of its step, from one iteration to the next
@@ -289,8 +295,9 @@ def measure_plate(image, start, half_code, half_plate, beyond, rectangles, level
             corners = state[CORNERS].copy().reshape(4, 2)
             outline = half_plate + state[STATE_RIM] / px_per_m(corners, half_code)
             outline = min(max(outline, half_code), MAX_RIM * half_plate)
-            x0, y0, x1, y1 = plate_window(code_homography(corners, half_code), outline, 3 + 2 * radius)
-            x0, y0, x1, y1 = max(x0, 0), max(y0, 0), min(x1, image.shape[1]), min(y1, image.shape[0])
+            if n < CUTTING_ITERATIONS:
+                x0, y0, x1, y1 = plate_window(code_homography(corners, half_code), outline, 3 + 2 * radius)
+                x0, y0, x1, y1 = max(x0, 0), max(y0, 0), min(x1, image.shape[1]), min(y1, image.shape[0])
             if x1 - x0 < 8 or y1 - y0 < 6 or x1 - x0 > LARGEST_PX or y1 - y0 > LARGEST_PX:
                 return values, info, corners, variance, size, 0.0
             patch = image[y0:y1, x0:x1].astype(np.float64)

@@ -27,7 +27,7 @@ def plate_response(image, state, half_code, half_plate, beyond, rectangles, leve
         patch, corners, half_code, outline + beyond, rectangles, levels, state[LEVELS], lut, x0, y0, 0
     )
     c, M, _, _ = _solve(B, residual, FEATURE_RIDGE)
-    flat, left = B.reshape(N_FEATURES, -1), residual.copy().ravel()
+    flat, left = B.astype(np.float64).reshape(N_FEATURES, -1), residual.astype(np.float64).ravel()
     by_pixel = np.linalg.solve(M, flat)
     explained = c @ flat
     unexplained = left - explained
@@ -45,9 +45,9 @@ def plate_response(image, state, half_code, half_plate, beyond, rectangles, leve
         B_there, left_there = _expand(
             patch, corners, half_code, outline + beyond, rectangles, levels, state[LEVELS], lut, x0, y0, 0
         )
-        flat_there = B_there.reshape(N_FEATURES, -1)
+        flat_there = B_there.astype(np.float64).reshape(N_FEATURES, -1)
         there = flat_there @ unexplained - own
-        there += flat @ (left_there.copy().ravel() - left - c @ flat_there + explained)
+        there += flat @ (left_there.astype(np.float64).ravel() - left - c @ flat_there + explained)
         by_state[:, k] = np.linalg.solve(M, there) / PIXEL_STEP_PX
     moving = STATE_FEATURES
     for k in range(N_STATE):
