@@ -1,6 +1,7 @@
 """Losses and gaps of residual groups {capture index: {group: residuals}}, and the floor: how far repeats lie apart."""
 
 import numpy as np
+from scipy.optimize import brentq
 
 from gap.observables import GAP_GROUPS, MIN_FLOOR
 from gap.residuals import RHO_NOISE, flatten, rho
@@ -69,6 +70,21 @@ def floors_of(case, groups):
     return floors
 
 
+def robust_scatter(values, least):
+    """Return the scale, ``least`` or more, in which values (n,) lie about their median as noise of variance 1 does, by the robust
+    loss; what is NaN does not count. Source: P. J. Huber, "Robust estimation of a location parameter" (1964).
+    """
+    values = values[np.isfinite(values)]
+    off = values - np.median(values)
+
+    def above_noise(scale):
+        return rho(off / scale).sum() - RHO_NOISE * (len(off) - 1)  # the median is fitted
+
+    if above_noise(least) <= 0:
+        return least
+    return float(brentq(above_noise, least, least + 10 * np.abs(off).max()))
+
+
 def losses_of(groups):
     """Return {capture index: loss}."""
     return {i: float(rho(flatten(g)).sum()) for i, g in groups.items()}
@@ -86,3 +102,17 @@ def excess_of(groups, floors):
     return {
         n: max(loss - RHO_NOISE * sizes[n] * floors.get(n, 1.0) ** 2, 0.0) for n, loss in group_losses(groups).items()
     }
+
+
+def gains_by_station(problem, before, after):
+    """Return the gains (s,) in loss of each station, of captures' losses {capture index: loss} before and after."""
+    stations = {}
+    for i in before:
+        name = problem.captures[i].view.station
+        stations[name] = stations.get(name, 0.0) + before[i] - after[i]
+    return np.array([stations[s] for s in sorted(stations)])
+
+
+def error_of_sum(gains):
+    """Return the standard error of the sum of stations' gains (s,) by their scatter, infinite of one alone."""
+    return float(np.sqrt(len(gains)) * gains.std(ddof=1)) if len(gains) > 1 else float("inf")

@@ -18,6 +18,7 @@ from gap.parameters import get_parameter, image_step, with_parameters
 from gap.power import clear_ones
 from gap.predict.predictor import Kept
 from gap.predict.synthesis import ground_seen_at, shade, window_coverages
+from gap.score import robust_scatter
 from gap.signature import MIN_PATCHES, Photograph
 from gap.signature_changes import can_be_laid_on
 from gap.signature_comparison import MIN_SHOWING
@@ -183,12 +184,12 @@ class SignatureCase:
 
     @cached_property
     def floors(self):
-        """Return (which signs count, as their groups are ordered, their floors): photographs' scatter about their ideal twins."""
+        """Return (which signs count, as their groups are ordered, their floors): photographs' scatter about their ideal twins, in
+        which a twin that is right but for it has a gap of 1.
+        """
         off = self.signs - np.array([self.signature(i, []) for i in range(len(self.captures))])
         counted = BY_GROUP[np.isfinite(off).mean(0)[BY_GROUP] >= MIN_SHOWING]
-        middle = np.nanmedian(off[:, counted], axis=0)
-        scatter = 1.4826 * np.nanmedian(np.abs(off[:, counted] - middle), axis=0)
-        return counted, np.maximum(scatter, MIN_SIGN_FLOOR[counted])
+        return counted, np.array([robust_scatter(off[:, k], MIN_SIGN_FLOOR[k]) for k in counted])
 
     def is_like_light(self, effect):
         """Return whether another gain and stray light of each colour do all that an effect does where it is clearly seen."""

@@ -29,10 +29,10 @@ CORNERS = PLACES[0].words
 
 @pytest.fixture(scope="module")
 def photographs():
-    """Return (Search, Twin) of photographs by a camera with noise, which the twin has; a fifth more than floors is left open."""
+    """Return (Search, Twin) of photographs by a camera with noise, which the twin has; a tenth more than floors is left open."""
     search = Search(signatures_of({"sensor_noise": {"full_well_e": 3000.0, "read_noise_e": 12.0}}, 4), COMPETING)
     twin = search.fitted([("sensor_noise", library.starts_of("sensor_noise")[0])])
-    return search, replace(twin, floors=dict.fromkeys(SIGNS_OF_GROUP, twin.gap / 1.2))
+    return search, replace(twin, floors=dict.fromkeys(SIGNS_OF_GROUP, twin.gap / 1.1))
 
 
 def test_what_cells_hide_is_said_with_what_would_show_it(photographs):

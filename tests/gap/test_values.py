@@ -12,7 +12,7 @@ from gap.measure.regions import GROUND, SKY, WHITE, choose_regions, noise_featur
 from gap.observables import COLOUR_FEATURES, MIN_FLOOR, NOISE_FEATURES
 from gap.problem import code_corners_world, encoding_table
 from gap.residuals import RHO_NOISE
-from gap.score import MAX_FLOOR, floors_of
+from gap.score import MAX_FLOOR, floors_of, group_gaps, robust_scatter
 from gap.search import Search
 from rig.geometry import project
 
@@ -227,3 +227,21 @@ def test_floors_rise_to_a_twins_own_scatter_where_its_noise_is_like_the_real_one
     floors = Search.floors_at(search, (), np.zeros((1, 6)), real)
     assert (floors["corners"] > MAX_FLOOR) == raised
     assert ("noise" in floors) == raised
+
+
+def test_a_twin_that_is_right_but_for_the_scatter_of_photographs_has_a_gap_of_one():
+    """Fails if floors of signs count outliers otherwise than gaps do: a set that hands shook stays open whatever is named."""
+    values = 7.0 + np.random.default_rng(4).standard_t(3, 300) * 0.2
+    scale = robust_scatter(np.append(values, np.nan), 0.01)
+    groups = {0: {"edges": (values - np.median(values)) / scale}}
+    assert group_gaps(groups, {})["edges"] == pytest.approx(1.0, abs=0.01)
+    assert robust_scatter(values, 2.0) == 2.0 and robust_scatter(np.full(9, 3.0), 0.01) == 0.01
+
+
+def test_what_photographs_scatter_by_does_not_leap():
+    """Fails if one of a score of photographs makes all of them count twice as much, as it does by their median deviation."""
+    values = np.array([-2.0] * 5 + [-1.0] * 5 + [0.0] + [1.0] * 4 + [2.0] * 6)
+    moved = np.where(np.arange(21) == 15, 1.0, values)
+    deviations = [np.median(np.abs(v)) for v in (values, moved)]
+    assert deviations == [2.0, 1.0]
+    assert robust_scatter(moved, 0.01) == pytest.approx(robust_scatter(values, 0.01), rel=0.05)
