@@ -16,7 +16,7 @@ from gap.normal_equations import gains_of_step, normal_equations
 from gap.parameters import fitted_parameters, is_geometric, spec
 from gap.problem import may_have
 from gap.residuals import GROUPS, NU, flatten, lost_plates, rho, total, width_of
-from gap.score import group_gaps, group_losses
+from gap.score import error_of_sum, gains_by_station, group_gaps, group_losses
 from gap.split import probes, split_by_station, thinned, usable
 from gap.twin import Candidate, Twin
 
@@ -336,9 +336,9 @@ class Search:
         return Candidate(
             effect, values, twin, True,
             gain=float(gains.sum()),
-            gain_se=float(np.sqrt(len(gains)) * gains.std(ddof=1)) if len(gains) > 1 else float("nan"),
+            gain_se=error_of_sum(gains),
             stations_gaining=float((gains > -MIN_STATION_LOSS - 0.02 * gains.sum()).mean()) if len(gains) else 0.0,
-            is_significant=is_significant(effect, values, errors_to_exceed(base, twin)),
+            is_significant=is_significant(effect, values, errors_to_exceed(self.problem, base, twin)),
             group_gains={name: before[name] - after[name] for name in before},
         )  # fmt: skip
 
@@ -348,23 +348,16 @@ class Search:
         return lost_plates(twin.groups) - lost_plates(base.groups) > MAX_HIDDEN * plates
 
 
-def gains_by_station(problem, before, after):
-    """Return the gain in loss of each held-out station (s,)."""
-    stations = {}
-    for i in before:
-        name = problem.captures[i].view.station
-        stations[name] = stations.get(name, 0.0) + before[i] - after[i]
-    return np.array([stations[s] for s in sorted(stations)])
-
-
-def errors_to_exceed(base, twin):
+def errors_to_exceed(problem, base, twin):
     """Return the standard errors {(effect, parameter): error} that a twin's parameters must exceed to be certain.
 
     They are the cautious ones of the captures that were fitted; there are none where the twin gains so much over its base, on
-    captures that no fit saw, that this says how certain it is.
+    captures that no fit saw, that this says how certain it is: most of what is left, and clearly more than by chance. Where
+    stations agree about a gain, three of its standard errors are clear; one that a single station sees must be much.
     """
-    gain = sum(base.losses.values()) - sum(twin.losses.values())
-    certain = gain > max(CLEAR_EVIDENCE * MIN_GAIN, CERTAIN_SHARE * sum(base.excess.values()))
+    gains = gains_by_station(problem, base.losses, twin.losses)
+    clear = min(CLEAR_EVIDENCE * MIN_GAIN, 3 * error_of_sum(gains))
+    certain = gains.sum() > max(clear, CERTAIN_SHARE * sum(base.excess.values()))
     return {} if certain else twin.cautious_errors
 
 
@@ -393,7 +386,6 @@ def confused_with(problem, best, candidates):
         if other.effect == best.effect or other.gain < MIN_GAIN:
             continue
         ahead = gains_by_station(problem, other.twin.losses, best.twin.losses)
-        error = np.sqrt(len(ahead)) * ahead.std(ddof=1) if len(ahead) > 1 else np.inf
-        if ahead.sum() < max(MIN_GAIN, min(2 * error, 0.2 * abs(best.gain))):
+        if ahead.sum() < max(MIN_GAIN, min(2 * error_of_sum(ahead), 0.2 * abs(best.gain))):
             names.append(other.effect)
     return names

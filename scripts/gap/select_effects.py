@@ -151,7 +151,8 @@ def path(selection, base, first, before, start_with=None, taken=()):
             break
         best = next((c for c in missing if c.effect == start_with and not steps), missing[0])
         adopted = search.adopt(best)
-        if not is_significant(best.effect, dict(adopted.effects)[best.effect], errors_to_exceed(twin, adopted)):
+        to_exceed = errors_to_exceed(search.problem, twin, adopted)
+        if not is_significant(best.effect, dict(adopted.effects)[best.effect], to_exceed):
             candidates = [c for c in candidates if c is not best]  # beside the others, refitted, nothing of it is left
             continue
         confused = confused_with(search.problem, best, candidates)

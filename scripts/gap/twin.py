@@ -63,8 +63,8 @@ class Candidate:
     """What came of one effect added to a base: the ``twin``, and what it gains over the base.
 
     An effect that was not fitted is at its null. Where it is ``complete``, all effects of the twin were refitted with it.
-    ``gain`` is in loss on the held-out captures, ``gain_se`` its standard error by the scatter over their stations, NaN of one
-    alone: told and drawn, it decides nothing, as an effect that one station sees has a large one whatever its strength.
+    ``gain`` is in loss on the held-out captures, ``gain_se`` its standard error by the scatter over their stations, infinite
+    of one alone and large of an effect that one station sees, whatever its strength.
     """
 
     effect: str

@@ -151,14 +151,25 @@ def test_an_effect_is_there_only_where_it_is_certain_and_large_enough(sigma_px, 
 
 
 @pytest.mark.parametrize(
-    ("gain", "doubted"), [(1500.0, False), (300.0, True), (700.0, True)], ids=["most of it", "little", "a part"]
+    ("gains", "excess", "doubted"),
+    [
+        ((1500.0, 0.0, 0.0), 1550.0, False),
+        ((300.0, 0.0, 0.0), 550.0, True),
+        ((700.0, 0.0, 0.0), 1550.0, True),
+        ((110.0, 80.0, 110.0), 550.0, False),
+        ((110.0, 80.0, 110.0), 1550.0, True),
+    ],
+    ids=["most of it", "little, of one station", "a part", "little, of all stations", "a part, of all stations"],
 )
-def test_what_gains_most_on_captures_that_no_fit_saw_is_not_doubted(gain, doubted):
-    """Fails if the one station that tells leaves an effect uncertain where it is held out, or if a part of the gap is certain."""
-    excess = 550.0 if gain < 500 else 1550.0
-    base = SimpleNamespace(losses={0: 2000.0, 1: 0.0}, excess={"corners": excess})
-    twin = SimpleNamespace(losses={0: 2000.0 - gain, 1: 0.0}, cautious_errors={("rail_sag", "bow_m"): 0.1})
-    assert bool(errors_to_exceed(base, twin)) == doubted
+def test_what_gains_most_on_captures_that_no_fit_saw_is_not_doubted(gains, excess, doubted):
+    """Fails if the one station that tells leaves an effect uncertain where it is held out, if a part of the gap is certain, or if
+    what stations agree about is doubted for being little, as all is of a few photographs.
+    """
+    captures = [SimpleNamespace(view=SimpleNamespace(station=f"s{k}")) for k in range(3)]
+    base = SimpleNamespace(losses={k: 2000.0 for k in range(3)}, excess={"corners": excess})
+    losses = {k: 2000.0 - gain for k, gain in enumerate(gains)}
+    twin = SimpleNamespace(losses=losses, cautious_errors={("rail_sag", "bow_m"): 0.1})
+    assert bool(errors_to_exceed(SimpleNamespace(captures=captures), base, twin)) == doubted
 
 
 def test_a_warp_is_there_though_none_of_its_waves_is_certain_by_itself():
