@@ -42,7 +42,8 @@ class Derivatives:
 
     def by_pose(self, i, effects, pose):
         """Return d (twin, whitened) / d pose and own numbers (n, 6 + k) of capture i."""
-        states = [self._states(i, effects, pose + s * step) for step in steps_of(pose) for s in (1, -1)]
+        corners = self.problem.corners_at(self.problem.captures[i], effects, steps_from(pose))
+        states = [self.problem.states(c, effects) for c in corners]
         columns = [(high - low) / (2 * h) for high, low, h in zip(states[::2], states[1::2], POSE_STEP, strict=True)]
         J = self._whitened_states(i, effects, pose, np.stack(columns, axis=-1))
         if self.problem.own:
@@ -61,12 +62,10 @@ class Derivatives:
 
     def corners_by_pose(self, i, effects, pose):
         """Return d corners / d pose (p, 8 of a plate, 6) of the plates that were measured in capture i."""
-        plates, capture = self.whiteners[i].plates, self.problem.captures[i]
-        columns = []
-        for step, h in zip(steps_of(pose), POSE_STEP, strict=True):
-            high, low = (flat(self.problem.corners_of(capture, effects, pose + s * step))[plates] for s in (1, -1))
-            columns.append((high - low) / (2 * h))
-        return np.nan_to_num(np.stack(columns, axis=-1))
+        plates = self.whiteners[i].plates
+        corners = self.problem.corners_at(self.problem.captures[i], effects, steps_from(pose))
+        corners = np.array([flat(c)[plates] for c in corners])
+        return np.nan_to_num(np.moveaxis((corners[::2] - corners[1::2]) / (2 * POSE_STEP[:, None, None]), 0, -1))
 
     def corners_by_parameters(self, i, effects, free, pose):
         """Return d corners / d geometric parameters ``free`` (p, 8, k) of the plates that were measured in capture i."""
@@ -110,9 +109,9 @@ class Derivatives:
         return self.whiteners[i].whitened_features(features)
 
 
-def steps_of(pose):
-    """Return the steps (6, k) of a pose, of a capture's nuisances (k,) the first six."""
-    return np.eye(N_POSE, len(pose)) * POSE_STEP[:, None]
+def steps_from(pose):
+    """Return the poses [(k,)] a step on and a step back from a pose in each of its six numbers, the first of a capture's (k,)."""
+    return [pose + s * step for step in np.eye(N_POSE, len(pose)) * POSE_STEP[:, None] for s in (1, -1)]
 
 
 def flat(corners):

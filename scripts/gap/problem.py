@@ -146,17 +146,13 @@ class Case:
 
     def corners_of(self, capture, effects, delta, points=None):
         """Return the exact pixels (p, 4, 2) where the twin has the codes' corners (or other points (p, k, 3))."""
+        return self.corners_at(capture, effects, [delta], points)[0]
+
+    def corners_at(self, capture, effects, deltas, points=None):
+        """Return the pixels [(p, 4, 2)] of ``corners_of`` at several poses [(6,)]."""
         scene, corners = self.scene_of(effects)
-        view = _moved(scene, capture.view, delta)
-        world = corners if points is None else points
-        pixels = project(view.K, view.T_cam_world, world)
-        if pipeline.has_geometry(effects):
-            flat = pixels.reshape(-1, 2)
-            ok = np.isfinite(flat).all(1)
-            out = np.full_like(flat, np.nan)
-            out[ok] = pipeline.map_points(flat[ok], view, effects)
-            pixels = out.reshape(pixels.shape)
-        return pixels
+        world, is_mapped = corners if points is None else points, pipeline.has_geometry(effects)
+        return [_seen_in(_moved(scene, capture.view, delta), world, effects if is_mapped else ()) for delta in deltas]
 
     def corners_by_parameters(self, capture, effects, delta, free, steps):
         """Return the derivatives (p, 4, 2, k) of ``corners_of`` by parameters ``free`` of effects that move points."""
@@ -287,3 +283,15 @@ def may_have(problem, name):
 
 def _moved(scene, view, delta):
     return replace(view, T_cam_world=scene.T_cam_mount @ perturb_pose(view.T_cam_world, delta[:N_POSE]))
+
+
+def _seen_in(view, world, effects):
+    """Return the pixels (p, k, 2) of world points (p, k, 3) in a view, where effects that move points have them."""
+    pixels = project(view.K, view.T_cam_world, world)
+    if not effects:
+        return pixels
+    flat = pixels.reshape(-1, 2)
+    ok = np.isfinite(flat).all(1)
+    out = np.full_like(flat, np.nan)
+    out[ok] = pipeline.map_points(flat[ok], view, effects)
+    return out.reshape(pixels.shape)

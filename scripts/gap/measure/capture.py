@@ -1,6 +1,7 @@
 """Observables of one image, real or twin, by the same code: plates, colour, flats, noise."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -52,12 +53,12 @@ class Codes:
     beyond: float = 0.0
     worst_misfit: float = WORST_MISFIT
 
-    @property
+    @cached_property
     def nominal_dn(self):
         """The grey levels (3,) of nominal white, black and ground."""
         return np.interp(self.levels, np.linspace(0, 1, len(self.lut)), self.lut)
 
-    @property
+    @cached_property
     def contrast_dn(self):
         """Grey levels from nominal black to nominal white."""
         white, black, _ = self.nominal_dn
