@@ -73,17 +73,18 @@ def is_flexible(name):
 def concluded(selection, base, first):
     """Return the Outcome of the best of several paths from a base.
 
-    Where many effects are proposed together, they are fitted so first, else one is added after the other. The best first step
-    is not always on the best way: where it leaves its own group of observables open, or comes near and does not reach the
-    floor, the next best ones are tried as well. What can mimic anything of its kind, a warp of many waves, competes only where
-    the others leave a gap. Where most of the gap stays, and no step closed the group of observables in which it gained most, a
-    good share of it all, what helped is a patch on something else: it gets no name.
+    Where many effects are proposed together, and none alone leaves nothing, they are fitted so first, else one is added after the
+    other. The best first step is not always on the best way: where it leaves its own group of observables open, or comes near and
+    does not reach the floor, the next best ones are tried as well. What can mimic anything of its kind, a warp of many waves,
+    competes only where the others leave a gap. Where most of the gap stays, and no step closed the group of observables in which
+    it gained most, a good share of it all, what helped is a patch on something else: it gets no name.
     """
     before = base.excess
     if selection.search.problem.floor_within > 1 and is_at_floor(base):  # as good as no repeats can tell
         return outcome_of(selection.search.problem, (), rank(first), base, before)
     rigid = [c for c in first if not is_flexible(c.effect)]
-    best = all_at_once(selection, base, base, [c.effect for c in rigid], before)
+    is_one_enough = bool(rigid) and is_nothing_left(rank(rigid)[0].twin)
+    best = None if is_one_enough else all_at_once(selection, base, base, [c.effect for c in rigid], before)
     if not best or best.verdict == "unexplained":
         best = _one_by_one(selection, base, rigid, before, best)
     if best.steps and len(best.steps) < MANY and not is_at_floor(best.twin):  # of many, each was held against others
@@ -160,7 +161,7 @@ def path(selection, base, first, before, start_with=None, taken=()):
         steps.append(Step(best.effect, twin, tuple(candidates), tuple(confused), best.main_group))
         if selection.progress:
             selection.progress(best.effect, search.cost / selection.budget)
-        if is_at_floor(twin):
+        if is_at_floor(twin) or is_nothing_left(twin):
             candidates = [search.null_candidate(twin, name) for name in names if name not in twin.names]
             break
         if not selection.is_new(twin.names):
@@ -348,6 +349,11 @@ def is_missing(candidate, excess, share):
         and candidate.gain > least
         and candidate.stations_gaining >= MIN_STATIONS
     )
+
+
+def is_nothing_left(twin):
+    """Return whether what a twin leaves above its floors is too little for a name."""
+    return sum(twin.excess.values()) < MIN_GAIN
 
 
 def least_gain(name):

@@ -10,6 +10,7 @@ from effects import library
 from gap import select_effects
 from gap.outcome import Step, outcome_of
 from gap.search import MAX_STARTS
+from gap.twin import Candidate
 
 
 def best_way(monkeypatch, path, names, before, is_of_signs):
@@ -122,3 +123,18 @@ def test_what_closes_little_of_a_gap_that_stays_open_gets_no_name(monkeypatch, a
     told = select_effects.concluded(selection, base, [])
     assert [s.effect for s in told.steps] == (["exposure"] if is_named else [])
     assert told.twin is (twin if is_named else base)
+
+
+@pytest.mark.parametrize(("left", "is_asked"), [({"edges": 1.0}, False), ({"edges": 1.0, "levels": 1.0}, True)])
+def test_many_are_fitted_together_only_where_one_leaves_something(monkeypatch, left, is_asked):
+    """Fails if a single effect that leaves nothing costs a search for many, or if what it leaves is not looked into."""
+    base, asked = twin_with_excess(levels=60.0, edges=40.0), []
+    one = Candidate("lens_blur", {"sigma_px": 1.0}, twin_with_excess(**left), True, gain=1000.0)
+    outcome = outcome_of(SimpleNamespace(floor_within=1.0, is_board=False), [], [], base, base.excess)
+    monkeypatch.setattr(select_effects, "all_at_once", lambda *a: asked.append(a))
+    monkeypatch.setattr(select_effects, "_one_by_one", lambda *_: outcome)
+    selection = SimpleNamespace(
+        search=SimpleNamespace(problem=SimpleNamespace(floor_within=1.0)), is_spent=lambda: True
+    )
+    select_effects.concluded(selection, base, [one])
+    assert bool(asked) == is_asked
