@@ -20,9 +20,7 @@ MAX_RIM = 1.5  # of the plate's half side
 DEPTH = 4  # iterations whose changes lead the next
 PX_PER_LEVEL = 0.02  # how much a grey level counts beside a pixel there
 COARSE_ITERATIONS, FINE_ITERATIONS = 5, 30
-CUTTING_ITERATIONS = (
-    10  # after which a fit keeps its window: a row of pixels that comes and goes may keep it from its end
-)
+CUTTING_ITERATIONS = 10  # after which a fit keeps its window: a row that comes and goes may keep it from its end
 SMALLEST_STEP_PX = 0.001
 LARGEST_PX = 600
 
