@@ -64,8 +64,9 @@ class Derivatives:
         """Return d corners / d pose (p, 8 of a plate, 6) of the plates that were measured in capture i."""
         plates = self.whiteners[i].plates
         corners = self.problem.corners_at(self.problem.captures[i], effects, steps_from(pose))
-        corners = np.array([flat(c)[plates] for c in corners])
-        return np.nan_to_num(np.moveaxis((corners[::2] - corners[1::2]) / (2 * POSE_STEP[:, None, None]), 0, -1))
+        corners = [flat(c)[plates] for c in corners]
+        columns = [(high - low) / (2 * h) for high, low, h in zip(corners[::2], corners[1::2], POSE_STEP, strict=True)]
+        return np.nan_to_num(np.stack(columns, axis=-1))
 
     def corners_by_parameters(self, i, effects, free, pose):
         """Return d corners / d geometric parameters ``free`` (p, 8, k) of the plates that were measured in capture i."""
