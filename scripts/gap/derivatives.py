@@ -43,9 +43,7 @@ class Derivatives:
     def by_pose(self, i, effects, pose):
         """Return d (twin, whitened) / d pose and own numbers (n, 6 + k) of capture i."""
         corners = self.problem.corners_at(self.problem.captures[i], effects, steps_from(pose))
-        states = [self.problem.states(c, effects) for c in corners]
-        columns = [(high - low) / (2 * h) for high, low, h in zip(states[::2], states[1::2], POSE_STEP, strict=True)]
-        J = self._whitened_states(i, effects, pose, np.stack(columns, axis=-1))
+        J = self._whitened_states(i, effects, pose, differences([self.problem.states(c, effects) for c in corners]))
         if self.problem.own:
             J = np.hstack([J, *(self._by_own(i, effects, pose, k)[:, None] for k in range(len(self.problem.own)))])
         J[-len(pose) :] = -np.diag(np.sqrt(self.prior))
@@ -64,9 +62,7 @@ class Derivatives:
         """Return d corners / d pose (p, 8 of a plate, 6) of the plates that were measured in capture i."""
         plates = self.whiteners[i].plates
         corners = self.problem.corners_at(self.problem.captures[i], effects, steps_from(pose))
-        corners = [flat(c)[plates] for c in corners]
-        columns = [(high - low) / (2 * h) for high, low, h in zip(corners[::2], corners[1::2], POSE_STEP, strict=True)]
-        return np.nan_to_num(np.stack(columns, axis=-1))
+        return np.nan_to_num(differences([flat(c)[plates] for c in corners]))
 
     def corners_by_parameters(self, i, effects, free, pose):
         """Return d corners / d geometric parameters ``free`` (p, 8, k) of the plates that were measured in capture i."""
@@ -113,6 +109,12 @@ class Derivatives:
 def steps_from(pose):
     """Return the poses [(k,)] a step on and a step back from a pose in each of its six numbers, the first of a capture's (k,)."""
     return [pose + s * step for step in np.eye(N_POSE, len(pose)) * POSE_STEP[:, None] for s in (1, -1)]
+
+
+def differences(values):
+    """Return the derivatives (..., 6) by a pose of values [(...)] at the poses that ``steps_from`` it gives."""
+    pairs = zip(values[::2], values[1::2], POSE_STEP, strict=True)
+    return np.stack([(on - back) / (2 * h) for on, back, h in pairs], axis=-1)
 
 
 def flat(corners):
