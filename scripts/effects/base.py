@@ -6,7 +6,7 @@ import numpy as np
 
 FRESNEL_RISE = 0.96 / 0.04  # of the reflectance of glass, from straight to grazing
 STAGES = ("scene", "lens", "shutter", "sensor", "processing")
-PARTS = 144  # of the light that an effect spreads, where it asks for no fewer: square and 4 m^2
+PARTS = 144  # of the light that an effect spreads: square and 4 m^2
 AFFECTED = ("geometry", "point_spread", "intensity")
 PLACE = "place"  # the parameter that says which of several ORDERs an effect has
 

@@ -30,7 +30,6 @@ HOOKS = {  # functions that an effect may have, with their parameters
     "map_points": ("xy", "view", "p", "channel"),
     "points_by_parameters": ("xy", "view", "p", "keys"),
     "spread": ("xy", "view", "p", "n"),
-    "parts": ("p",),
     "left_to_blur": ("p",),
     "apply": ("image", "view", "p", "rng"),
     "variance": ("linear", "p"),

@@ -7,13 +7,14 @@ analysis" (2000); the thin lens's circle of confusion, e.g. Hecht, "Optics".
 
 import numpy as np
 
-from effects.base import PARTS, Parameter
-from effects.filters import gaussian_points, gaussian_reach_px, soft_disc, soft_points
+from effects.base import Parameter
+from effects.filters import gaussian_reach_px, soft_disc, soft_points
 
 STAGE, ORDER = "lens", 110
 AFFECTS = "point_spread"
-FINE_PARTS = 36
-FINE_PX = 0.5  # of a Gaussian spread, that is drawn by parts
+FINE_PX = (
+    0.5  # of a Gaussian spread, that is drawn by parts: else pixels show stripes finer than they are as coarser ones
+)
 PARAMETERS = {
     "sigma_px": Parameter(
         unit="px", lower=0.0, upper=8.0, null=0.0, matters=0.15, doc="standard deviation of the spread"
@@ -25,26 +26,25 @@ PARAMETERS = {
 STARTS = ({"sigma_px": 0.7}, {"sigma_px": 2.0})
 
 
-def parts(p):
-    """Return into how many parts a point's light is divided: a disc is drawn whole, of a Gaussian only the finest."""
-    return FINE_PARTS if p["softness"] == 1 else PARTS
-
-
 def spread(xy, view, p, n):
     """Return (directions (1, 2, 2) px, shares (n, 2)) of the n parts of a point's light, everywhere alike.
 
-    Of a Gaussian, enough to keep pixels from showing stripes finer than they are as coarser ones; ``left_to_blur`` is the
-    rest. What has a rim is no sum of smaller spreads and drawn whole.
+    A disc is drawn whole (what has a rim is no sum of smaller spreads), of a Gaussian the finest; ``left_to_blur`` is the rest.
     """
-    if p["softness"] == 1:
-        return min(p["sigma_px"], FINE_PX) * np.eye(2)[None], gaussian_points(n)
-    return p["sigma_px"] * np.eye(2)[None], soft_points(n, p["softness"])
+    disc, fine, _ = variances_px2(p)
+    return np.sqrt(disc + fine) * np.eye(2)[None], soft_points(n, fine / (disc + fine) if disc else 1.0)
+
+
+def variances_px2(p):
+    """Return the variances per axis, squared pixels, of the disc, of the Gaussian drawn with it and of the rest of that."""
+    gaussian = p["softness"] * p["sigma_px"] ** 2
+    fine = min(gaussian, FINE_PX**2)
+    return (1 - p["softness"]) * p["sigma_px"] ** 2, fine, gaussian - fine
 
 
 def left_to_blur(p):
     """Return the parameters of what ``spread`` leaves to ``apply``."""
-    left = max(p["sigma_px"] ** 2 - FINE_PX**2, 0.0) if p["softness"] == 1 else 0.0
-    return {"sigma_px": float(np.sqrt(left)), "softness": 1.0}
+    return {"sigma_px": float(np.sqrt(variances_px2(p)[2])), "softness": 1.0}
 
 
 def reach_px(p):

@@ -120,18 +120,17 @@ def _own_derivatives(module, xy, view, p, wanted, channel):
 def light_spread(view, chosen):
     """Return what tells where the parts of a point's light land, None where nothing spreads it.
 
-    It takes image pixels (m, 2) to (directions (m, j, 2) px, shares (parts, j)): part k, one of equal parts, of the light
+    It takes image pixels (m, 2) to (directions (m, j, 2) px, shares (PARTS, j)): part k, one of equal parts, of the light
     of point i lands shares[k] @ directions[i] beside it.
     """
     found = active(chosen, "spread")
-    parts = max((module.parts(p) if hasattr(module, "parts") else PARTS for module, p in found), default=0)
 
     def spread(xy):
         directions, shares = [], []
         for (module, p), stride in zip(found, itertools.cycle(STRIDES), strict=False):
-            along, share = module.spread(xy, view, p, parts)
+            along, share = module.spread(xy, view, p, PARTS)
             directions.append(np.broadcast_to(along, (len(xy), *along.shape[1:])))
-            shares.append(share[np.arange(parts) * stride % parts])
+            shares.append(share[np.arange(PARTS) * stride % PARTS])
         return np.concatenate(directions, axis=1), np.concatenate(shares, axis=1)
 
     return spread if found else None

@@ -118,18 +118,36 @@ SPREADS = [
 ]
 
 
+def drawn_with(scene, view, effect):
+    """Return the linear image (rows, columns) of a scene whose light an effect spreads, drawn by parts, the rest blurred."""
+    drawn = shade(scene, view, *coverages(Prints(scene.plates), view, spread=pipeline.light_spread(view, [effect])))
+    for name, left in pipeline.left_to_apply([effect]):
+        drawn = library.effect_named(name).apply(drawn.astype(np.float32)[..., None], view, left, None)[..., 0]
+    return drawn
+
+
 @pytest.mark.parametrize("effect", SPREADS, ids=[name for name, _ in SPREADS])
 def test_light_is_spread_as_the_image_is_blurred(effect):
     """Parts that land askew, or too far, would part the fit's image from Blender's; blurring whole pixels is 1 % off."""
     scene, view = scene_and_view()
     sharp = shade(scene, view, *coverages(Prints(scene.plates), view))
-    drawn = shade(scene, view, *coverages(Prints(scene.plates), view, spread=pipeline.light_spread(view, [effect])))
+    drawn = drawn_with(scene, view, effect)
     module, m = library.effect_named(effect[0]), 20
     blurred = module.apply(sharp.astype(np.float32)[..., None], view, effect[1], None)[..., 0]
     inside = np.s_[m:-m, m:-m]
     assert np.abs(sharp - blurred)[inside].max() > 0.1
     assert np.abs(drawn - blurred)[inside].max() < 0.08
     assert np.sqrt(((drawn - blurred)[inside] ** 2).mean()) < 0.45 * np.sqrt(((sharp - blurred)[inside] ** 2).mean())
+
+
+@pytest.mark.parametrize("end", [0.0, 1.0])
+@pytest.mark.parametrize("effect", SPREADS[1:], ids=[name for name, _ in SPREADS[1:]])
+def test_a_hardly_softer_blur_is_hardly_another(effect, end):
+    """Fails if a disc or a Gaussian is drawn otherwise than what is nearly one: a fit that comes there takes no step any more."""
+    scene, view = scene_and_view()
+    name, p = effect
+    there, beside = (drawn_with(scene, view, (name, p | {"softness": s})) for s in (end, abs(end - 1e-8)))
+    assert np.abs(there - beside).max() < 2e-4
 
 
 @pytest.mark.filterwarnings("ignore:All-NaN")  # behind the camera nothing has pixels
@@ -177,7 +195,8 @@ def test_parts_of_light_fill_what_they_stand_for():
                 way = np.array([p["dx_px"], p["dy_px"]])
                 wanted += np.outer(way, way) / 12
             elif name == "lens_blur":
-                wanted += np.eye(2) * p["sigma_px"] ** 2
+                left_px = library.effect_named(name).left_to_blur(p)["sigma_px"]
+                wanted += np.eye(2) * (p["sigma_px"] ** 2 - left_px**2)
             else:
                 wanted += np.eye(2) * library.effect_named(name).spread_px(*at.T, view, p) ** 2
         assert np.abs(moved.mean(0)).max() < 1e-9
