@@ -12,9 +12,7 @@ from effects.filters import gaussian_reach_px, soft_disc, soft_points
 
 STAGE, ORDER = "lens", 110
 AFFECTS = "point_spread"
-FINE_PX = (
-    0.5  # of a Gaussian spread, that is drawn by parts: else pixels show stripes finer than they are as coarser ones
-)
+FINE_PX = 0.5  # of a Gaussian spread, that is drawn by parts: without it pixels show stripes finer than they are
 PARAMETERS = {
     "sigma_px": Parameter(
         unit="px", lower=0.0, upper=8.0, null=0.0, matters=0.15, doc="standard deviation of the spread"
