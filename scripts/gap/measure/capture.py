@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 
 from gap.measure.places import agreeing
-from gap.measure.plate import BLACK, N_STATE, WHITE, _expand, code_homography, measure_plate, plate_window
+from gap.measure.plate import BLACK, N_STATE, WHITE, _draw_model, code_homography, measure_plate, plate_window
 from gap.measure.regions import BY_SURFACE, GROUND, N_GROUND, SKY, _classify_plate, flat_classes, noise_features
 from gap.measure.response import plate_response
-from gap.observables import COLUMN, CORNERS, N_COLOUR, N_FEATURES, RIDGES, STATE_RIM, SURFACES, corners_in, states_of
+from gap.observables import COLUMN, CORNERS, N_COLOUR, N_FEATURES, RIDGES, STATE_RIM, corners_in, states_of
 from gap.pixels.windows import make_atlas
 from kernels import njit
 from rig.plates import black_rectangles
@@ -118,16 +118,22 @@ def colour_response(shape, corners, half_code, half_plate, rectangles, levels, l
     x0, y0, x1, y1 = max(x0, 0), max(y0, 0), min(x1, shape[1]), min(y1, shape[0])
     if x1 - x0 < 8 or y1 - y0 < 8:
         return np.zeros((len(COLOUR_RIDGE), 0)), 0, 0, 0, 0
-    image = np.zeros((y1 - y0, x1 - x0))
-    B, _ = _expand(image, corners, half_code, half_plate, rectangles, levels, np.zeros(5), lut, x0, y0, 0)
-    S = np.empty((len(COLOUR_RIDGE), B.shape[1] * B.shape[2]))
-    S[:3] = B[SURFACES].copy().reshape(3, -1)
-    of = B[CORNERS]
-    S[3], S[4] = (of[0] + of[2] + of[4] + of[6]).ravel(), (of[1] + of[3] + of[5] + of[7]).ravel()
+    rows, columns = y1 - y0 - 2, x1 - x0 - 2
+    plate, black, _, _, model = _draw_model(
+        (y1 - y0, x1 - x0), corners, half_code, half_plate, rectangles, levels, np.zeros(5), lut, x0, y0
+    )
+    S = np.empty((len(COLOUR_RIDGE), rows * columns))
+    for r in range(rows):
+        above, row, below, on, ink = model[r], model[r + 1], model[r + 2], plate[r + 1], black[r + 1]
+        for c in range(columns):
+            k = r * columns + c
+            S[0, k], S[1, k], S[2, k] = on[c + 1] - ink[c + 1], ink[c + 1], 1 - on[c + 1]
+            S[3, k] = 0.5 * (row[c] - row[c + 2])  # a pixel changes so where the whole plate moves
+            S[4, k] = 0.5 * (above[c + 1] - below[c + 1])
     M = S @ S.T
     for k in range(len(S)):
         M[k, k] += COLOUR_RIDGE[k]
-    return np.linalg.solve(M, S), x0 + 1, y0 + 1, B.shape[1], B.shape[2]
+    return np.linalg.solve(M, S), x0 + 1, y0 + 1, rows, columns
 
 
 def states_at(corners, codes, rims=0.0):
