@@ -15,7 +15,7 @@ LEVELS_PX = (0.0, 0.25, 0.35, *(0.5 * 2 ** (k / 4) for k in range(16)), 8.0)
 COARSE_BELOW_PX = 0.5
 PIECES_PER_DISC = 64
 TILE_PX = 128
-SOFT_STRIDE = 61  # order in which a soft edge is visited, other than the disc's
+SOFT_STRIDE = 35  # order in which a soft edge is visited, other than the disc's
 
 
 @functools.lru_cache(maxsize=64)
@@ -141,34 +141,40 @@ def spread_points(x, y):
 
 @functools.cache
 def disc_points(n):
-    """Return n = 4 m^2 points (n, 2) that fill a disc evenly, standard deviation 1 per axis: m rings of equal cells."""
-    k = np.arange(n)
-    ring = np.array([math.isqrt(i // 4) for i in k])
+    """Return n = 4 m^2 points (n, 2) that fill a disc evenly, standard deviation 1 per axis: m rings of equal cells.
+
+    The second half lies opposite the first: what leans to no side moves no edge.
+    """
+    k = np.arange(n // 2)
+    ring = np.array([math.isqrt(i // 2) for i in k])
     radius = 2 * np.sqrt((ring**2 + (ring + 1) ** 2) / 2) / math.isqrt(n // 4)
-    angle = 2 * np.pi * (k - 4 * ring**2 + 0.25 + 0.5 * (ring % 2)) / (4 * (2 * ring + 1))
-    return radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    angle = 2 * np.pi * (k - 2 * ring**2 + 0.25 + 0.5 * (ring % 2)) / (4 * (2 * ring + 1))
+    half = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return np.concatenate([half, -half])
 
 
 @functools.cache
 def gaussian_points(n):
-    """Return n points (n, 2) spread as a Gaussian, mean 0 and standard deviation 1 per axis, that visit it all over."""
-    k = np.arange(n)
-    radius, angle = np.sqrt(-2 * np.log(1 - (k + 0.5) / n)), k * np.pi * (3 - np.sqrt(5))
-    points = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return standardised(points - points.mean(0))
+    """Return n points (n, 2) spread as a Gaussian, standard deviation 1 per axis, the second half opposite the first."""
+    k = np.arange(n // 2)
+    radius, angle = np.sqrt(-2 * np.log(1 - (k + 0.5) / len(k))), k * np.pi * (3 - np.sqrt(5))
+    half = standardised(radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+    return np.concatenate([half, -half])
 
 
 def standardised(points):
-    """Return points (n, 2) about their mean, stretched to a standard deviation of exactly 1 along every line."""
+    """Return points (n, 2) about their mean, which is 0, stretched to a standard deviation of exactly 1 along every line."""
     return points @ np.linalg.inv(np.linalg.cholesky(points.T @ points / len(points))).T
 
 
 def soft_points(n, softness):
-    """Return where n parts (n, 2) of the light of a disc land whose edge is soft, standard deviation 1 per axis.
+    """Return where n parts (n, 2) of the light of a disc land whose edge is soft, standard deviation 1 per axis, the second half
+    opposite the first.
 
     ``softness`` is the share of the variance that is Gaussian, 0 to 1.
     """
-    gaussian_part = gaussian_points(n)[np.arange(n) * SOFT_STRIDE % n]
+    of_half = np.arange(n // 2) * SOFT_STRIDE % (n // 2)
+    gaussian_part = gaussian_points(n)[np.concatenate([of_half, of_half + n // 2])]
     points = np.sqrt(1 - softness) * disc_points(n) + np.sqrt(softness) * gaussian_part
     return standardised(points) if 0 < softness < 1 else points  # so few are not quite independent
 

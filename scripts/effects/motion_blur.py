@@ -32,8 +32,11 @@ def smear_kernel(dx, dy):
 
 
 def spread(xy, view, p, n):
-    """Return (directions (1, 1, 2) px, shares (n, 1)) of the n parts of the exposure, everywhere alike."""
-    return np.array([[[p["dx_px"], p["dy_px"]]]]), ((np.arange(n) + 0.5) / n - 0.5)[:, None]
+    """Return (directions (1, 1, 2) px, shares (n, 1)) of the n parts of the exposure, everywhere alike, as far before its middle
+    as after it.
+    """
+    after = (np.arange(n // 2) + 0.5) / n
+    return np.array([[[p["dx_px"], p["dy_px"]]]]), np.concatenate([after, -after])[:, None]
 
 
 def apply(image, view, p, rng):

@@ -22,7 +22,8 @@ GRID_STEP_PX = 8
 DIFFERENCE_PX = 0.01
 LONGEST_STEP_PX = 100.0
 NEWTON_STEPS = 20
-STRIDES = (1, 29, 53, 83, 113, 137)  # orders in which effects visit their parts, so that none follows another's
+STRIDES = (1, 5, 11, 49, 53, 79)  # orders in which effects visit their parts, so that none follows another's closely
+TINY = 1e-9  # variance that an effect which spreads nothing along some line is taken to have there
 SPARE_PX = 4  # what the interpolation needs beyond the last ray
 
 
@@ -131,9 +132,23 @@ def light_spread(view, chosen):
             along, share = module.spread(xy, view, p, PARTS)
             directions.append(np.broadcast_to(along, (len(xy), *along.shape[1:])))
             shares.append(share[np.arange(PARTS) * stride % PARTS])
-        return np.concatenate(directions, axis=1), np.concatenate(shares, axis=1)
+        return np.concatenate(directions, axis=1), independent(shares)
 
     return spread if found else None
+
+
+def independent(shares):
+    """Return the shares [(n, j), ...] of several effects side by side (n, sum of j), each spread as it was, none with another.
+
+    So few parts follow one another somewhat in any order.
+    """
+    if len(shares) == 1:
+        return shares[0]
+    together = np.concatenate(shares, axis=1)
+    effect = np.repeat(np.arange(len(shares)), [share.shape[1] for share in shares])
+    covariance = together.T @ together / len(together) + TINY * np.eye(len(effect))
+    wanted = np.where(effect[:, None] == effect, covariance, 0.0)
+    return together @ np.linalg.inv(np.linalg.cholesky(covariance)).T @ np.linalg.cholesky(wanted).T
 
 
 def left_to_apply(chosen):

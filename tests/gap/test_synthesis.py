@@ -183,7 +183,9 @@ def test_a_blurred_twin_shows_no_stripes_finer_than_its_pixels(sigma_px):
 
 
 def test_parts_of_light_fill_what_they_stand_for():
-    """Parts that bunch, or that visit the exposure in step with the pupil, would spread less or more than the formula."""
+    """Parts that bunch, or that visit the exposure in step with the pupil, would spread less or more than the formula; parts
+    that lean to one side move edges.
+    """
     _, view = scene_and_view()
     at = np.array([[600.0, 30.0]])
     for chosen in (*([effect] for effect in SPREADS), SPREADS):
@@ -200,9 +202,9 @@ def test_parts_of_light_fill_what_they_stand_for():
             else:
                 wanted += np.eye(2) * library.effect_named(name).spread_px(*at.T, view, p) ** 2
         assert np.abs(moved.mean(0)).max() < 1e-9
-        np.testing.assert_allclose(
-            np.cov(moved.T, bias=True), wanted, atol=(0.001, 0.05)[len(chosen) > 1] * wanted.max()
-        )
+        np.testing.assert_allclose(np.cov(moved.T, bias=True), wanted, atol=1e-4 * wanted.max())
+        half = len(moved) // 2
+        np.testing.assert_allclose(moved[half:], -moved[:half], atol=1e-9)
 
 
 def test_a_plate_blurred_beyond_its_modules_counts_for_less():
