@@ -351,14 +351,13 @@ class Search:
 def errors_to_exceed(problem, base, twin):
     """Return the standard errors {(effect, parameter): error} that a twin's parameters must exceed to be certain.
 
-    They are the cautious ones of the captures that were fitted; there are none where the twin gains so much over its base, on
-    captures that no fit saw, that this says how certain it is: most of what is left, and clearly more than by chance. Where
-    stations agree about a gain, three of its standard errors are clear; one that a single station sees must be much.
+    They are the cautious ones of the captures that were fitted; there are none where the twin gains so clearly over its base, on
+    captures that no fit saw, that this says how certain it is: three standard errors of the gain where stations agree about it;
+    what a single station sees must be much, and most of what is left.
     """
     gains = gains_by_station(problem, base.losses, twin.losses)
-    clear = min(CLEAR_EVIDENCE * MIN_GAIN, 3 * error_of_sum(gains))
-    certain = gains.sum() > max(clear, CERTAIN_SHARE * sum(base.excess.values()))
-    return {} if certain else twin.cautious_errors
+    much = max(CLEAR_EVIDENCE * MIN_GAIN, CERTAIN_SHARE * sum(base.excess.values()))
+    return {} if gains.sum() > min(3 * error_of_sum(gains), much) else twin.cautious_errors
 
 
 def is_significant(effect, values, errors):

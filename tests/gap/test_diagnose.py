@@ -157,13 +157,21 @@ def test_an_effect_is_there_only_where_it_is_certain_and_large_enough(sigma_px, 
         ((300.0, 0.0, 0.0), 550.0, True),
         ((700.0, 0.0, 0.0), 1550.0, True),
         ((110.0, 80.0, 110.0), 550.0, False),
-        ((110.0, 80.0, 110.0), 1550.0, True),
+        ((110.0, 80.0, 110.0), 1550.0, False),
+        ((110.0, 0.0, 110.0), 1550.0, True),
     ],
-    ids=["most of it", "little, of one station", "a part", "little, of all stations", "a part, of all stations"],
+    ids=[
+        "most of it",
+        "little, of one station",
+        "a part",
+        "little, of all stations",
+        "a part, of all stations",
+        "of some",
+    ],
 )
 def test_what_gains_most_on_captures_that_no_fit_saw_is_not_doubted(gains, excess, doubted):
-    """Fails if the one station that tells leaves an effect uncertain where it is held out, if a part of the gap is certain, or if
-    what stations agree about is doubted for being little, as all is of a few photographs.
+    """Fails if the one station that tells leaves an effect uncertain where it is held out, if what it gains is certain where that
+    is a part of the gap, or if what stations agree about is doubted for being little, as all is of a few photographs.
     """
     captures = [SimpleNamespace(view=SimpleNamespace(station=f"s{k}")) for k in range(3)]
     base = SimpleNamespace(losses={k: 2000.0 for k in range(3)}, excess={"corners": excess})
