@@ -68,13 +68,13 @@ def _mosaic(image, row, column):
 
 
 @njit(cache=True, nogil=True)
-def demosaiced(image, row, column, corrected):
-    """Return the image (rows, columns, 3) as a mosaic whose red begins at row, column shows it.
+def _mix_in(out, share, image, row, column, corrected):
+    """Add to ``out`` a share of what a mosaic, whose red begins at row, column, makes of an image (rows, columns, 3).
 
-    What was not seen is the mean of the nearest neighbours that did, plus ``corrected`` times Malvar's Laplacian
-    (He and Cutler's figure 2, gains 1/2, 5/8 and 3/4).
+    A colour that a pixel sees stays; one that it does not is the mean of the nearest neighbours that do, plus ``corrected``
+    times Malvar's Laplacian (He and Cutler's figure 2, gains 1/2, 5/8 and 3/4).
     """
-    m, corrected, out = _mosaic(image, row, column), np.float32(corrected), np.empty_like(image)
+    m, corrected, share = _mosaic(image, row, column), np.float32(corrected), np.float32(share)
     for r in range(image.shape[0]):
         above_2, above, own, below, below_2 = m[r], m[r + 1], m[r + 2], m[r + 3], m[r + 4]
         of_row, of_column = (0, 2) if (r + row) % 2 == 0 else (2, 0)
@@ -83,16 +83,17 @@ def demosaiced(image, row, column, corrected):
             seen, in_row, in_column = own[c + 2], own[c + 1] + own[c + 3], above[c + 2] + below[c + 2]
             two_beside, two_below = own[c] + own[c + 4], above_2[c + 2] + below_2[c + 2]
             bend = FIVE * seen - (above[c + 1] + above[c + 3] + below[c + 1] + below[c + 3])
-            out[r, c, of_row] = HALF * in_row + corrected * EIGHTH * (bend - two_beside + HALF * two_below)
-            out[r, c, 1] = seen
-            out[r, c, of_column] = HALF * in_column + corrected * EIGHTH * (bend - two_below + HALF * two_beside)
+            along = HALF * in_row + corrected * EIGHTH * (bend - two_beside + HALF * two_below)
+            down = HALF * in_column + corrected * EIGHTH * (bend - two_below + HALF * two_beside)
+            out[r, c, of_row] += share * (along - image[r, c, of_row])
+            out[r, c, of_column] += share * (down - image[r, c, of_column])
         for c in range(1 - green, image.shape[1], 2):
             seen, corners = own[c + 2], above[c + 1] + above[c + 3] + below[c + 1] + below[c + 3]
             bend = corrected * (seen - QUARTER * (own[c] + own[c + 4] + above_2[c + 2] + below_2[c + 2]))
-            out[r, c, of_row] = seen
-            out[r, c, 1] = QUARTER * (own[c + 1] + own[c + 3] + above[c + 2] + below[c + 2]) + HALF * bend
-            out[r, c, of_column] = QUARTER * corners + THREE_QUARTERS * bend
-    return out
+            near = QUARTER * (own[c + 1] + own[c + 3] + above[c + 2] + below[c + 2]) + HALF * bend
+            far = QUARTER * corners + THREE_QUARTERS * bend
+            out[r, c, 1] += share * (near - image[r, c, 1])
+            out[r, c, of_column] += share * (far - image[r, c, of_column])
 
 
 def reach_px(p):
@@ -108,11 +109,10 @@ def apply(image, view, p, rng):
 
 def _seen_through(image, p, first):
     """Return the image (rows, columns, 3) through the mosaics, whose first block begins ``first`` pixels before it."""
-    out = image
+    out = image.copy()
     for name, (row, column) in RED.items():
         if p[name] != 0:
-            shown = demosaiced(image, (row + first) % 2, (column + first) % 2, p["corrected"])
-            out = out + np.float32(p[name]) * (shown - image)
+            _mix_in(out, p[name], image, (row + first) % 2, (column + first) % 2, p["corrected"])
     return out
 
 

@@ -177,7 +177,7 @@ def _add_four(own, first, second, third, fourth, near, steep, weight, change):
 
 def reach_px(p):
     """Return how far ``apply`` looks."""
-    return DIAMETER_PX // 2 + gaussian_reach_px(p["average_px"])
+    return max(DIAMETER_PX // 2, gaussian_reach_px(p["average_px"]))
 
 
 def median(plane, p, noise_dn=0.0):

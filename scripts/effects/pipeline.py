@@ -7,6 +7,7 @@ denoising, sharpening, JPEG) -> crop. Why this order: docs/effects.md.
 
 import functools
 import itertools
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -164,8 +165,8 @@ def left_to_apply(chosen):
 
 
 def reach_px(chosen):
-    """Return how far from a pixel the effects look that act on an image, all after one another."""
-    return sum(module.reach_px(p) for module, p in active(chosen, "apply") if hasattr(module, "reach_px"))
+    """Return how far from a pixel the effects look that act on an image, all after one another: as of blurs, squares add up."""
+    return math.hypot(*(module.reach_px(p) for module, p in active(chosen, "apply") if hasattr(module, "reach_px")))
 
 
 def inverse_points(xy, view, chosen, channel=1):

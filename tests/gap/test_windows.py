@@ -49,10 +49,15 @@ def test_many_windows_lie_close_and_apart():
     assert held.max() == 1 and held.mean() > 0.85
 
 
-@pytest.mark.parametrize("name", sorted(library.available_effects()))
-def test_windows_show_what_the_frame_shows(case, name):
-    """Fails if an effect looked farther than it says (``reach_px``), took a window's place for the frame's, or its light."""
-    effects, pose, capture = [(name, clear(name))], np.zeros(6), case.captures[1]
+AFTER_ONE_ANOTHER = ["lens_blur", "bayer_demosaic", "denoising", "sharpening"]
+
+
+@pytest.mark.parametrize("names", [*([name] for name in sorted(library.available_effects())), AFTER_ONE_ANOTHER])
+def test_windows_show_what_the_frame_shows(case, names):
+    """Fails if an effect looked farther than it says (``reach_px``), or several after one another than they do together;
+    took a window's place for the frame's, or its light.
+    """
+    effects, pose, capture = [(name, clear(name)) for name in names], np.zeros(6), case.captures[1]
     shown = Shown(case, capture, effects, pose, False, Kept(9))
     whole = case.image_of(case.radiance_of(capture, effects, pose), capture, effects, pose)
     whole = shown.atlas.gather(whole)
