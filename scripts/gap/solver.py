@@ -285,14 +285,14 @@ class Solver:
                 if age == 0:
                     damping = max(damping, 1e-2) * 10
             stale, age = age > 0, age + 1
-            if not accepted:
+            if not accepted and stale:
                 age = OLDEST_DERIVATIVES
-                if stale:
-                    continue
+                continue
+            if not accepted:
                 converged = width == 1.0
                 if converged:
                     break
-                width = 1.0
+                width, age = 1.0, 0  # derivatives are those of here
                 continue
             gain = loss - trial_loss
             derivatives = updated(derivatives, groups, trial_groups, d, trial_poses - poses, np.diag(H))
