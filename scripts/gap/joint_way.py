@@ -74,7 +74,9 @@ def _together(selection, base, twin, names, before, taken, propose):
     search = selection.search
     few, found = _with_fewer_plates(search), twin
     first, poses, asked = propose(few, twin, names)
-    if len(first.effects) - len(first.along) >= MANY:
+    begun = frozenset(twin.names), frozenset(first.names)
+    if len(first.effects) - len(first.along) >= MANY and begun not in selection.begun:
+        selection.begun.add(begun)
         ahead = Selection(few, selection.budget - search.cost, {}, _told_by(selection, few))
         here = replace(_seen(few, twin), poses=poses)
         found, order, alike = _found(ahead, _seen(few, base), here, asked, first)

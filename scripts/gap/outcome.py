@@ -56,6 +56,7 @@ class Selection:
     """A search with the sets of effects that it has had: a path that comes back to one ends.
 
     gains  {effect: what it promised as the base's first effect}
+    begun  sets of many effects at once, and beside which, from which rounds began: from one they begin once
     ended  sets in which many effects at once ended: beside them no more are found so
     """
 
@@ -65,7 +66,7 @@ class Selection:
     progress: object = None
 
     def __post_init__(self):
-        self.had, self.ended = set(), set()
+        self.had, self.begun, self.ended = set(), set(), set()
 
     def is_spent(self):
         """Return whether the budget is used up."""

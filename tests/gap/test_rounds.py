@@ -148,6 +148,28 @@ def test_from_a_set_in_which_many_ended_they_are_not_looked_for_again(monkeypatc
     assert asked == [["exposure"]]
 
 
+@pytest.mark.parametrize(
+    ("without_codec", "rounds"),
+    [(["sharpening", "exposure", "jpeg_compression"], 1), (["sharpening", "bayer_demosaic", "jpeg_compression"], 2)],
+    ids=["as with it", "other"],
+)
+def test_rounds_begin_once_from_a_set(monkeypatch, without_codec, rounds):
+    """Fails if what is proposed without a codec pays for the rounds again that the same effects with it had, or is not tried."""
+    begun = []
+    monkeypatch.setattr(joint_way, "_with_fewer_plates", lambda search: SimpleNamespace(cost=0))
+    monkeypatch.setattr(joint_way, "_seen", lambda few, twin: twin)
+    monkeypatch.setattr(joint_way, "is_at_floor", lambda _: False)
+    monkeypatch.setattr(joint_way, "_found", lambda *given: begun.append(given[4].names) or (base_twin(), [], {}))
+    with_it = ["jpeg_compression", "exposure", "sharpening"]
+    for propose, names in (("first_proposal", with_it), ("proposal_without_codec", without_codec)):
+        proposal = Proposal([(n, {}) for n in names])
+        monkeypatch.setattr(joint_way, propose, lambda *_, first=proposal: (first, None, []))
+    problem = SimpleNamespace(is_board=False, shows=lambda n: n == "jpeg_compression")
+    selection = Selection(SimpleNamespace(problem=problem, cost=0, solver=SimpleNamespace(cost=0)), 10, {})
+    assert all_at_once(selection, base_twin(), base_twin(), with_it, {}) is None
+    assert len(begun) == rounds
+
+
 @pytest.mark.parametrize(("fitted", "strength_dn"), [(["exposure"], 8.0), ([], 3.0)], ids=["later", "first"])
 def test_a_later_round_begins_where_a_start_leaves_least(monkeypatch, fitted, strength_dn):
     """Fails if a filter begins as another where a start of its own leaves less, or a first round does not trust its guesses."""
