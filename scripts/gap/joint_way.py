@@ -61,6 +61,8 @@ def all_at_once(selection, base, twin, names, before, taken=()):
     problem = selection.search.problem
     if problem.is_board or is_at_floor(twin) or frozenset(twin.names) in selection.ended:
         return None
+    if sum(twin.excess.values()) < MANY * MIN_GAIN:  # so many have nothing to gain
+        return None
     outcome = _together(selection, base, twin, names, before, taken, first_proposal)
     shown = any(problem.shows(n) for n in names if n not in twin.names)
     if not shown or selection.is_spent() or (outcome and outcome.verdict == "explained"):

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from cases import case_of_several, generated_case
-from stand_in_twins import StandingTwin, base_twin
+from stand_in_twins import StandingTwin, base_twin, twin_with_gaps
 
 from effects import library
 from gap import exchange, joint_way
@@ -139,7 +139,7 @@ def test_the_other_proposal_is_tried_where_a_codec_is_shown_and_the_first_explai
     monkeypatch.setattr(joint_way, "is_at_floor", lambda _: False)
     problem = SimpleNamespace(is_board=False, shows=lambda n: shows)
     selection = SimpleNamespace(search=SimpleNamespace(problem=problem), is_spent=lambda: False, ended=set())
-    outcome = all_at_once(selection, None, base_twin(), ["jpeg_compression"], {})
+    outcome = all_at_once(selection, None, twin_with_gaps(levels=9.0), ["jpeg_compression"], {})
     assert len(found) - len(left) == ways
     assert outcome is found[1 if ways == 2 and verdicts[1] == "explained" else 0]
 

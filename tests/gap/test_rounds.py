@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 from cases import case_of_several
-from stand_in_twins import base_twin, standing_with
+from stand_in_twins import base_twin, standing_with, twin_with_gaps
 
 from effects import library
 from gap import exchange, joint_way
@@ -135,16 +135,18 @@ def test_a_round_that_a_codecs_steps_hold_is_fitted_without_the_codec_first(monk
     assert fits == ([["jpeg_compression"]] if there else [])
 
 
-def test_from_a_set_in_which_many_ended_they_are_not_looked_for_again(monkeypatch):
-    """Fails if a path that adds one effect and comes to where many at once ended pays for the same rounds again."""
+def test_many_are_not_looked_for_where_they_ended_or_have_nothing_to_gain(monkeypatch):
+    """Fails if a path that adds one effect and comes to where many at once ended pays for the same rounds again, or one that
+    leaves less than three of them need for any.
+    """
     asked = []
     monkeypatch.setattr(joint_way, "_together", lambda *given: asked.append(given[2].names))
     monkeypatch.setattr(joint_way, "is_at_floor", lambda _: False)
     problem = SimpleNamespace(is_board=False, shows=lambda _: False)
     selection = Selection(SimpleNamespace(problem=problem, cost=0), 10, {})
     selection.ended.add(frozenset(["defocus", "exposure"]))
-    for names in (["exposure", "defocus"], ["exposure"]):
-        all_at_once(selection, None, SimpleNamespace(names=names), ["vignetting"], {})
+    for names, left in ((["exposure", "defocus"], 900.0), (["exposure"], 900.0), (["vignetting"], 70.0)):
+        all_at_once(selection, None, SimpleNamespace(names=names, excess={"levels": left}), ["sharpening"], {})
     assert asked == [["exposure"]]
 
 
@@ -166,7 +168,8 @@ def test_rounds_begin_once_from_a_set(monkeypatch, without_codec, rounds):
         monkeypatch.setattr(joint_way, propose, lambda *_, first=proposal: (first, None, []))
     problem = SimpleNamespace(is_board=False, shows=lambda n: n == "jpeg_compression")
     selection = Selection(SimpleNamespace(problem=problem, cost=0, solver=SimpleNamespace(cost=0)), 10, {})
-    assert all_at_once(selection, base_twin(), base_twin(), with_it, {}) is None
+    twin = twin_with_gaps(levels=9.0)
+    assert all_at_once(selection, twin, twin, with_it, {}) is None
     assert len(begun) == rounds
 
 
