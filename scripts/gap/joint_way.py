@@ -59,9 +59,8 @@ def all_at_once(selection, base, twin, names, before, taken=()):
     the twin, the Steps ``taken``, as well. ``before`` is the first excess.
     """
     problem = selection.search.problem
-    if problem.is_board or is_at_floor(twin) or frozenset(twin.names) in selection.ended:
-        return None
-    if sum(twin.excess.values()) < MANY * MIN_GAIN:  # so many have nothing to gain
+    is_little_left = is_at_floor(twin) or sum(twin.excess.values()) < MANY * MIN_GAIN
+    if problem.is_board or is_little_left or frozenset(twin.names) in selection.ended:
         return None
     outcome = _together(selection, base, twin, names, before, taken, first_proposal)
     shown = any(problem.shows(n) for n in names if n not in twin.names)
