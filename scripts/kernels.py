@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numba
 from filelock import FileLock
+from numba.core import types
 from numba.core.compiler_lock import global_compiler_lock
 
 SCRIPTS = Path(__file__).parent
@@ -38,7 +39,11 @@ def njit(**options):
 
 
 def _one_at_a_time(path, compile_, signature):
-    """Compile a kernel of a file, or load what was kept of it, when no other process or thread does."""
+    """Compile a kernel of a file, or load what was kept of it, when no other process or thread does.
+
+    For a number that a caller has written out it is the kernel that takes any: numba would compile one for each.
+    """
+    signature = tuple(types.unliteral(argument) for argument in signature)
     lock = _lock_of(path, os.getpid())
     with global_compiler_lock:  # first: a thread that held the file's would wait for one that compiles what calls it
         try:

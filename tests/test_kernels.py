@@ -114,3 +114,19 @@ def test_a_division_by_zero_is_numpys():
         return part / whole
 
     assert share(1.0, 0.0) == np.inf and np.isnan(share(0.0, 0.0))
+
+
+@njit()
+def _halved(x, times):
+    return x / 2**times
+
+
+@njit()
+def _halved_twice(x, times):
+    return _halved(_halved(x, 1), 2) + _halved(x, times)
+
+
+def test_numbers_written_out_share_a_kernel():
+    """Fails if what a kernel is called with as 1, as 2 and as a variable is compiled for each: a longer wait, for the same."""
+    assert _halved_twice(8.0, 3) == 2.0
+    assert len(_halved.signatures) == 1

@@ -284,16 +284,11 @@ def _fitted_ones(search, twin, by_group, most, beside, tried):
 def try_beside_others(search, twin, names, known):
     """Return (candidates of some effects, best first; their predicted gains), beside those of a twin, as ``try_promising``.
 
-    What was adopted may have made up for a part of what promises most: where the best is not worth its name, all are tried
-    again, the twin refitted with them.
+    What was adopted may have made up for a part of what promises most: the twin's few parameters are refitted with each.
     """
-    candidates, gains = try_promising(search, twin, names, MAX_TRIED_AGAIN, known=known)
     free = search.free(twin.effects)
-    tried = [c.effect for c in candidates if c.fitted and not c.complete]
-    if not tried or is_missing_from(search, twin, candidates[0]) or len(free) > MAX_PARAMETERS:
-        return candidates, gains
-    others = [c for c in candidates if c.effect not in tried]
-    return rank([*others, *(search.try_effect(twin, n, free) for n in tried)]), gains
+    beside = free if len(free) <= MAX_PARAMETERS else ()
+    return try_promising(search, twin, names, MAX_TRIED_AGAIN, beside, known)
 
 
 def try_by_short_fits(search, twin, candidates):

@@ -26,7 +26,7 @@ def plate_response(image, state, half_code, half_plate, beyond, rectangles, leve
     B, residual = _expand(
         patch, corners, half_code, outline + beyond, rectangles, levels, state[LEVELS], lut, x0, y0, 0
     )
-    c, M, _, _ = _solve(B, residual, FEATURE_RIDGE)
+    c, M, _, _ = _solve(B, residual, FEATURE_RIDGE.copy())
     flat, left = B.astype(np.float64).reshape(N_FEATURES, -1), residual.astype(np.float64).ravel()
     by_pixel = np.linalg.solve(M, flat)
     explained = c @ flat
