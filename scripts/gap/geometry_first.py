@@ -10,7 +10,7 @@ from effects import library
 from gap.evidence import cost_without
 from gap.residuals import RHO_NOISE
 from gap.search import CLEAR_EVIDENCE, MIN_GAIN
-from gap.standing import MIN_SHARE, has_good_share
+from gap.standing import CLOSED, MIN_SHARE, has_good_share
 
 SCALE, ITERATIONS = 64.0, 16  # robust scale at which the joint fit begins, and its steps
 
@@ -24,14 +24,31 @@ def told_by_corners(search, twin, names):
     moving = [n for n in names if library.is_pure_geometry(n) and n not in twin.names]
     if not moving or not has_good_share("corners", twin.excess):
         return list(twin.effects), twin.poses, names
-    start, none = search.problem.start_poses(), search.solver.no_offsets()
-    before = _excess(_told(search, *_fitted(search, list(twin.effects), start, none), none))
-    effects, poses = _fitted(search, [*twin.effects, *((n, library.nulls_of(n)) for n in moving)], start, none)
-    told = _told(search, effects, poses, none)
-    if _excess(told) > (1 - MIN_SHARE) * before:
+    effects, told = _told_with(search, twin, moving)
+    if _excess(told) > (1 - MIN_SHARE) * _excess(_told_with(search, twin, [])[1]):
         return list(twin.effects), twin.poses, [n for n in names if n not in moving]
     kept = _fewest(moving, _cost_without(search, effects, told))
+    start, none = search.problem.start_poses(), search.solver.no_offsets()
     return *_fitted(search, [e for e in effects if e[0] in {*twin.names, *kept}], start, none), names
+
+
+def are_told_by_others(search, twin, names, others):
+    """Return whether of what corners leave open beside a twin ``others`` that move points, free warps say, close it, and all
+    those of ``names`` together do not.
+    """
+    moving, others = ([n for n in some if library.is_pure_geometry(n)] for some in (names, others))
+    if not others or not has_good_share("corners", twin.excess):
+        return False
+    left, left_by_others = (_excess(_told_with(search, twin, some)[1]) for some in (moving, others))
+    return left_by_others < CLOSED * left
+
+
+def _told_with(search, twin, names):
+    """Return (effects, their ``_told``) of a twin with effects ``names`` beside its own, from nominal poses."""
+    start, none = search.problem.start_poses(), search.solver.no_offsets()
+    others = [(n, library.nulls_of(n)) for n in names if n not in twin.names]
+    effects, poses = _fitted(search, [*twin.effects, *others], start, none)
+    return effects, _told(search, effects, poses, none)
 
 
 def _told(search, effects, poses, offsets):

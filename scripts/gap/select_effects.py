@@ -10,6 +10,7 @@ import numpy as np
 
 from effects import library
 from gap.exchange import in_place, is_simple, loss_of, short_fit
+from gap.geometry_first import are_told_by_others
 from gap.joint_way import MANY, all_at_once
 from gap.outcome import Selection, Step, in_last_twin, outcome_of, twins_on_the_way, without_unneeded
 from gap.search import (
@@ -71,7 +72,19 @@ def is_flexible(name):
 
 
 def concluded(selection, base, first):
-    """Return the Outcome of the best of several paths from a base.
+    """Return the Outcome of the best of several paths from a base; of that on which warps come first, where it explains."""
+    before = base.excess
+    if selection.search.problem.floor_within > 1 and is_at_floor(base):  # as good as no repeats can tell
+        return outcome_of(selection.search.problem, (), rank(first), base, before)
+    warped = _with_warps_first(selection, base, first, before)
+    best = warped if warped and warped.verdict == "explained" else _concluded(selection, base, first, before)
+    within_budget = not selection.is_spent()  # what follows changes no name
+    told = in_last_twin(selection.search, best.twin, best.steps, before)
+    return replace(best, steps=told, within_budget=within_budget)
+
+
+def _concluded(selection, base, first, before):
+    """Return the Outcome of the best of several paths on which warps compete last.
 
     Where many effects are proposed together, and none alone leaves nothing, they are fitted so first, else one is added after the
     other. The best first step is not always on the best way: where it leaves its own group of observables open, or comes near and
@@ -79,9 +92,6 @@ def concluded(selection, base, first):
     competes only where the others leave a gap. Where most of the gap stays, and no step closed the group of observables in which
     it gained most, a good share of it all, what helped is a patch on something else: it gets no name.
     """
-    before = base.excess
-    if selection.search.problem.floor_within > 1 and is_at_floor(base):  # as good as no repeats can tell
-        return outcome_of(selection.search.problem, (), rank(first), base, before)
     rigid = [c for c in first if not is_flexible(c.effect)]
     is_one_enough = bool(rigid) and is_nothing_left(rank(rigid)[0].twin)
     best = None if is_one_enough else all_at_once(selection, base, base, [c.effect for c in rigid], before)
@@ -93,10 +103,24 @@ def concluded(selection, base, first):
         best = _with_flexible(selection, base, first, best, before)
     patched = not any(closes_a_good_share(best.twin, step.main_group, before) for step in best.steps)
     if not best.is_closed and best.share_left > HARDLY_CLOSED and patched:
-        best = outcome_of(selection.search.problem, (), rank(first), base, before)
-    within_budget = not selection.is_spent()  # what follows changes no name
-    told = in_last_twin(selection.search, best.twin, best.steps, before)
-    return replace(best, steps=told, within_budget=within_budget)
+        return outcome_of(selection.search.problem, (), rank(first), base, before)
+    return best
+
+
+def _with_warps_first(selection, base, first, before):
+    """Return the Outcome of warps and what is missing beside them, where corners tell that nothing else closes their gap; None
+    elsewhere. Warps are named last.
+    """
+    search = selection.search
+    flexible = [c.effect for c in first if is_flexible(c.effect)]
+    rigid = [c.effect for c in first if c.effect not in flexible]
+    if search.problem.is_board or not are_told_by_others(search, base, rigid, flexible):
+        return None
+    ahead = Selection(search, selection.budget, selection.gains, selection.progress)  # sets had so may be had without
+    best = _with_flexible(ahead, base, first, outcome_of(search.problem, (), rank(first), base, before), before)
+    steps = sorted(best.steps, key=lambda step: is_flexible(step.effect))
+    there = twins_on_the_way(search, base, best.twin, [step.effect for step in steps])
+    return replace(best, steps=tuple(replace(s, twin=t) for s, t in zip(steps, there, strict=True)))
 
 
 def _one_by_one(selection, base, first, before, together):

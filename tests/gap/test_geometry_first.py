@@ -5,10 +5,10 @@ import pytest
 from cases import case_of_several
 
 from effects import library
-from gap.geometry_first import _fewest, told_beside_the_rest, told_by_corners
+from gap.geometry_first import _fewest, are_told_by_others, told_beside_the_rest, told_by_corners
 from gap.linear_model import proposed
 from gap.search import Search
-from gap.select_effects import is_flexible
+from gap.select_effects import is_flexible, verdict
 
 
 def rigid(search):
@@ -17,6 +17,7 @@ def rigid(search):
 
 
 MOVING = ["focal_length", "principal_point", "radial_distortion"]
+LENSES = [*MOVING, "tangential_distortion", "rolling_shutter"]
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +60,24 @@ def test_corners_tell_again_what_moved_them_beside_the_rest(told):
     twin = search.scored(search.solver.approach(wrong, search.free(wrong), poses, search.train, 9))
     again, _ = told_beside_the_rest(search, twin, rigid(search))
     assert sorted(n for n, _ in again) == sorted([*MOVING, "lens_blur", "exposure"])
+
+
+def test_what_a_lens_explains_is_no_warp(told):
+    """Fails if corners that rigid moves bring into place are told by a warp, which can mimic them."""
+    search, base, _ = told
+    assert not are_told_by_others(search, base, rigid(search), ["local_warp"])
+
+
+def test_a_warp_is_sought_first_and_named_last(tmp_path):
+    """Fails if lenses and shutters, which help a little, are tried in its place one after the other, and many at once, until the
+    budget is spent, if it hides what is missing beside it, or is named before that.
+    """
+    case = case_of_several(tmp_path, ["local_warp", "ink_reflectance"], size="standard")
+    search, base, _, outcome = verdict(case, candidates=["ink_reflectance", "local_warp", *LENSES], budget=1_000)
+    assert are_told_by_others(search, base, rigid(search), ["local_warp"])
+    assert outcome.verdict == "explained" and outcome.within_budget
+    assert [step.effect for step in outcome.steps] == ["ink_reflectance", "local_warp"]
+    assert outcome.steps[0].twin.names == ["ink_reflectance"]
 
 
 def test_where_corners_are_in_place_they_tell_nothing(tmp_path):
