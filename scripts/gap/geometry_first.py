@@ -39,8 +39,10 @@ def are_told_by_others(search, twin, names, others):
     moving, others = ([n for n in some if library.is_pure_geometry(n)] for some in (names, others))
     if not others or not has_good_share("corners", twin.excess):
         return False
-    left, left_by_others = (_excess(_told_with(search, twin, some)[1]) for some in (moving, others))
-    return left_by_others < CLOSED * left
+    by_others = _excess(_told_with(search, twin, others)[1])
+    return all(
+        by_others < CLOSED * _excess(_told_with(search, twin, some)[1]) for some in ([], moving)
+    )  # the cheap one first
 
 
 def _told_with(search, twin, names):

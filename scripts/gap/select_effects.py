@@ -114,7 +114,8 @@ def _with_warps_first(selection, base, first, before):
     search = selection.search
     flexible = [c.effect for c in first if is_flexible(c.effect)]
     rigid = [c.effect for c in first if c.effect not in flexible]
-    if search.problem.is_board or not are_told_by_others(search, base, rigid, flexible):
+    is_one_enough = any(is_nothing_left(c.twin) for c in first)
+    if search.problem.is_board or is_one_enough or not are_told_by_others(search, base, rigid, flexible):
         return None
     ahead = Selection(search, selection.budget, selection.gains, selection.progress)  # sets had so may be had without
     best = _with_flexible(ahead, base, first, outcome_of(search.problem, (), rank(first), base, before), before)
