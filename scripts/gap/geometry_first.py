@@ -33,16 +33,17 @@ def told_by_corners(search, twin, names):
 
 
 def are_told_by_others(search, twin, names, others):
-    """Return whether of what corners leave open beside a twin ``others`` that move points, free warps say, close it, and all
-    those of ``names`` together do not.
+    """Return whether of what corners leave open beside a twin all of ``names`` that move points leave much together, and those of
+    ``others``, free warps say, little of that: a lens of another form is no warp.
     """
     moving, others = ([n for n in some if library.is_pure_geometry(n)] for some in (names, others))
     if not others or not has_good_share("corners", twin.excess):
         return False
-    by_others = _excess(_told_with(search, twin, others)[1])
-    return all(
-        by_others < CLOSED * _excess(_told_with(search, twin, some)[1]) for some in ([], moving)
-    )  # the cheap one first
+    before, by_others = (_excess(_told_with(search, twin, some)[1]) for some in ([], others))
+    if by_others > CLOSED * before:
+        return False
+    left = min(before, _excess(_told_with(search, twin, moving)[1]))
+    return left > CLOSED * before and by_others < CLOSED * left
 
 
 def _told_with(search, twin, names):

@@ -1,5 +1,7 @@
 """Moves of points told by corners alone, on campaigns made by an image formation that shares no code with the fit."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from cases import case_of_several
@@ -66,6 +68,23 @@ def test_what_a_lens_explains_is_no_warp(told):
     """Fails if corners that rigid moves bring into place are told by a warp, which can mimic them."""
     search, base, _ = told
     assert not are_told_by_others(search, base, rigid(search), ["local_warp"])
+
+
+@pytest.mark.parametrize(
+    ("by_lenses", "by_warp", "is_warp"),
+    [(800, 50, True), (800, 300, False), (150, 1, False), (4000, 50, True), (4000, 300, False)],
+    ids=["a warp", "nor a warp", "a lens of another form", "lenses that go astray", "nor a warp, lenses astray"],
+)
+def test_what_lenses_leave_open_is_a_warps_where_that_closes_it(monkeypatch, by_lenses, by_warp, is_warp):
+    """Fails if a lens whose last form differs a little is taken for a warp, if a warp that leaves its gap open is sought first,
+    or if a fit of all lenses that goes astray tells against it.
+    """
+    left = {(): 1000.0, ("radial_distortion",): by_lenses, ("local_warp",): by_warp}
+    monkeypatch.setattr(
+        "gap.geometry_first._told_with", lambda search, twin, names: (None, (None, left[tuple(names)], 0))
+    )
+    base = SimpleNamespace(excess={"corners": 1000.0})
+    assert are_told_by_others(None, base, ["radial_distortion", "exposure"], ["local_warp"]) == is_warp
 
 
 def test_a_warp_is_sought_first_and_named_last(tmp_path):
