@@ -47,9 +47,10 @@ def closes_a_good_share(twin, group, before):
 def residue_of(twin, group, before, floor_within=1.0):
     """Return {group: gap in floors} of a group of observables that a twin closes but leaves above the floor, {} of any other."""
     of_group = {i: {group: g[group]} for i, g in twin.groups.items() if group in g}
-    gap = group_gaps(of_group, twin.floors).get(group, 0.0)
-    left = is_above_floor(gap, gap_error(of_group, twin.floors), floor_within) and not is_open(twin, group, before)
-    return {group: gap} if left else {}
+    gap = group_gaps(of_group, twin.floors).get(group)
+    if gap is None or is_open(twin, group, before):  # a pose is no observable
+        return {}
+    return {group: gap} if is_above_floor(gap, gap_error(of_group, twin.floors), floor_within) else {}
 
 
 def is_above_floor(gap, error, floor_within):

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from stand_in_twins import base_twin, standing_with, twin_with_gaps
 
@@ -103,6 +104,13 @@ def test_what_captures_disagree_about_is_no_residue_if_it_is_little(gaps, is_tol
     groups = {i: twin_with_gaps(edges=gap).groups[0] for i, gap in enumerate(gaps)}
     last = replace(base_twin(), groups=groups, floors={"edges": 0.5})
     assert bool(residue_of(last, "edges", {"edges": 1e4})) == is_told
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_pose_has_no_residue():
+    """Fails if a pose, which is no observable, is asked for its gap: a warning of an empty mean in a camera's log."""
+    last = replace(base_twin(), groups={i: {"pose": np.ones(6)} for i in range(2)}, floors={})
+    assert residue_of(last, "pose", {"pose": 1e3}) == {}
 
 
 def test_the_first_of_a_groups_steps_has_its_residue():
