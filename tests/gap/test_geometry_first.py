@@ -87,12 +87,17 @@ def test_what_lenses_leave_open_is_a_warps_where_that_closes_it(monkeypatch, by_
     assert are_told_by_others(None, base, ["radial_distortion", "exposure"], ["local_warp"]) == is_warp
 
 
-def test_a_warp_is_sought_first_and_named_last(tmp_path):
+@pytest.fixture(scope="module")
+def warped(tmp_path_factory):
+    """The case of a camera behind a free warp, whose plates' ink is another."""
+    return case_of_several(tmp_path_factory.mktemp("warped"), ["local_warp", "ink_reflectance"], size="standard")
+
+
+def test_a_warp_is_sought_first_and_named_last(warped):
     """Fails if lenses and shutters, which help a little, are tried in its place one after the other, and many at once, until the
     budget is spent, if it hides what is missing beside it, or is named before that.
     """
-    case = case_of_several(tmp_path, ["local_warp", "ink_reflectance"], size="standard")
-    search, base, _, outcome = verdict(case, candidates=["ink_reflectance", "local_warp", *LENSES], budget=1_000)
+    search, base, _, outcome = verdict(warped, candidates=["ink_reflectance", "local_warp", *LENSES], budget=1_000)
     assert are_told_by_others(search, base, rigid(search), ["local_warp"])
     assert outcome.verdict == "explained" and outcome.within_budget
     assert [step.effect for step in outcome.steps] == ["ink_reflectance", "local_warp"]
@@ -107,11 +112,11 @@ def test_where_corners_are_in_place_they_tell_nothing(tmp_path):
     assert effects == [] and poses is base.poses and left == rigid(search)
 
 
-def test_what_no_lens_explains_is_not_told_by_corners(tmp_path):
+def test_what_no_lens_explains_is_not_told_by_corners(warped):
     """Fails if corners that nothing rigid brings into place are taken for lenses and shutters that help a little, or if images
     are asked for these as well.
     """
-    search = Search(case_of_several(tmp_path, ["local_warp"], size="standard"))
+    search = Search(warped)
     base = search.fitted([])
     effects, _, left = told_by_corners(search, base, rigid(search))
     assert base.excess["corners"] > 1000 and effects == []

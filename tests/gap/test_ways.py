@@ -130,11 +130,10 @@ def test_many_are_fitted_together_only_where_one_leaves_something(monkeypatch, l
     """Fails if a single effect that leaves nothing costs a search for many, or if what it leaves is not looked into."""
     base, asked = twin_with_excess(levels=60.0, edges=40.0), []
     one = Candidate("lens_blur", {"sigma_px": 1.0}, twin_with_excess(**left), True, gain=1000.0)
-    outcome = outcome_of(SimpleNamespace(floor_within=1.0, is_board=False), [], [], base, base.excess)
+    problem = SimpleNamespace(floor_within=1.0, is_board=False)
+    outcome = outcome_of(problem, [], [], base, base.excess)
     monkeypatch.setattr(select_effects, "all_at_once", lambda *a: asked.append(a))
     monkeypatch.setattr(select_effects, "_one_by_one", lambda *_: outcome)
-    selection = SimpleNamespace(
-        search=SimpleNamespace(problem=SimpleNamespace(floor_within=1.0)), is_spent=lambda: True
-    )
+    selection = SimpleNamespace(search=SimpleNamespace(problem=problem), is_spent=lambda: True)
     select_effects.concluded(selection, base, [one])
     assert bool(asked) == is_asked
