@@ -93,8 +93,7 @@ def _concluded(selection, base, first, before):
     it gained most, a good share of it all, what helped is a patch on something else: it gets no name.
     """
     rigid = [c for c in first if not is_flexible(c.effect)]
-    is_one_enough = bool(rigid) and is_nothing_left(rank(rigid)[0].twin)
-    best = None if is_one_enough else all_at_once(selection, base, base, [c.effect for c in rigid], before)
+    best = None if is_one_enough(rigid) else all_at_once(selection, base, base, [c.effect for c in rigid], before)
     if not best or best.verdict == "unexplained":
         best = _one_by_one(selection, base, rigid, before, best)
     if best.steps and len(best.steps) < MANY and not is_at_floor(best.twin):  # of many, each was held against others
@@ -114,8 +113,7 @@ def _with_warps_first(selection, base, first, before):
     search = selection.search
     flexible = [c.effect for c in first if is_flexible(c.effect)]
     rigid = [c.effect for c in first if c.effect not in flexible]
-    is_one_enough = any(is_nothing_left(c.twin) for c in first)
-    if search.problem.is_board or is_one_enough or not are_told_by_others(search, base, rigid, flexible):
+    if search.problem.is_board or is_one_enough(first) or not are_told_by_others(search, base, rigid, flexible):
         return None
     ahead = Selection(search, selection.budget, selection.gains, selection.progress)  # sets had so may be had without
     best = _with_flexible(ahead, base, first, outcome_of(search.problem, (), rank(first), base, before), before)
@@ -369,6 +367,11 @@ def is_missing(candidate, excess, share):
         and candidate.gain > least
         and candidate.stations_gaining >= MIN_STATIONS
     )
+
+
+def is_one_enough(candidates):
+    """Return whether the best of some candidates leaves too little for another name."""
+    return bool(candidates) and is_nothing_left(rank(candidates)[0].twin)
 
 
 def is_nothing_left(twin):
