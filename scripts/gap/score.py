@@ -116,3 +116,15 @@ def gains_by_station(problem, before, after):
 def error_of_sum(gains):
     """Return the standard error of the sum of stations' gains (s,) by their scatter, infinite of one alone."""
     return float(np.sqrt(len(gains)) * gains.std(ddof=1)) if len(gains) > 1 else float("inf")
+
+
+def shared_gain(problem, base, gains):
+    """Return what of ``gains`` {group: loss} over a base Twin its held-out captures do not tell one by one: all show the same
+    pattern of the sensor, that an effect may follow by chance.
+
+    The pattern is what the base's floors are above those of repeats. Source: L. Kish, "Survey Sampling" (1965), the design effect
+    of clusters: here each group of observables is one.
+    """
+    repeats, others = problem.floors_of(base.groups), len(base.groups) - 1
+    shared = {name: max(1 - (repeats.get(name, 1.0) / floor) ** 2, 0.0) for name, floor in base.floors.items()}
+    return sum(gain * (1 - 1 / (1 + others * shared.get(name, 0.0))) for name, gain in gains.items())

@@ -16,7 +16,7 @@ from gap.normal_equations import gains_of_step, normal_equations
 from gap.parameters import fitted_parameters, is_geometric, spec
 from gap.problem import may_have
 from gap.residuals import GROUPS, NU, flatten, lost_plates, rho, total, width_of
-from gap.score import error_of_sum, gains_by_station, group_gaps, group_losses
+from gap.score import error_of_sum, gains_by_station, group_gaps, group_losses, shared_gain
 from gap.split import probes, split_by_station, thinned, usable
 from gap.twin import Candidate, Twin
 
@@ -333,13 +333,17 @@ class Search:
             return Candidate(effect, values, twin, True)
         gains = gains_by_station(self.problem, base.losses, twin.losses)
         before, after = group_losses(base.groups), group_losses(twin.groups)
+        by_group = {name: before[name] - after[name] for name in before}
+        has_pattern = any(library.needs_repeats(name) for name in base.names)
+        shared = shared_gain(self.problem, base, by_group) if has_pattern else 0.0
         return Candidate(
             effect, values, twin, True,
             gain=float(gains.sum()),
             gain_se=error_of_sum(gains),
+            certain_gain=float(gains.sum()) - shared,
             stations_gaining=float((gains > -MIN_STATION_LOSS - 0.02 * gains.sum()).mean()) if len(gains) else 0.0,
             is_significant=is_significant(effect, values, errors_to_exceed(self.problem, base, twin)),
-            group_gains={name: before[name] - after[name] for name in before},
+            group_gains=by_group,
         )  # fmt: skip
 
     def _hides_plates(self, base, twin):

@@ -364,7 +364,7 @@ def is_missing(candidate, excess, share):
     return bool(
         is_enough(candidate.group_gains, candidate.gain, least, excess, share)
         and candidate.is_significant
-        and candidate.gain > least
+        and candidate.certain_gain > least
         and candidate.stations_gaining >= MIN_STATIONS
     )
 

@@ -64,7 +64,8 @@ class Candidate:
 
     An effect that was not fitted is at its null. Where it is ``complete``, all effects of the twin were refitted with it.
     ``gain`` is in loss on the held-out captures, ``gain_se`` its standard error by the scatter over their stations, infinite
-    of one alone and large of an effect that one station sees, whatever its strength.
+    of one alone and large of an effect that one station sees, whatever its strength. ``certain_gain`` is what captures say of it
+    one by one.
     """
 
     effect: str
@@ -74,6 +75,7 @@ class Candidate:
     complete: bool = False
     gain: float = 0.0
     gain_se: float = float("nan")
+    certain_gain: float = 0.0
     stations_gaining: float = 0.0
     is_significant: bool = False
     group_gains: dict = field(default_factory=dict)
