@@ -20,7 +20,6 @@ COUNTS = {  # numbers of coefficients that a lens model can have
     "poly3": (1,),
     "ptlens": (3,),
 }
-OPENCV_NAMES = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tx", "ty")
 
 
 @dataclass(frozen=True)
