@@ -119,11 +119,11 @@ def error_of_sum(gains):
 
 
 def shared_gain(problem, base, gains):
-    """Return what of ``gains`` {group: loss} over a base Twin its held-out captures do not tell one by one: all show the same
-    pattern of the sensor, that an effect may follow by chance.
+    """Return the part of ``gains`` {group: loss} over a base Twin that its held-out captures do not tell independently: all show
+    the sensor's own pattern, which an effect may follow by chance.
 
-    The pattern is what the base's floors are above those of repeats. Source: L. Kish, "Survey Sampling" (1965), the design effect
-    of clusters: here each group of observables is one.
+    By how much the base's floors are above those of repeats says how much of a group's scatter captures share, its intraclass
+    correlation; n of them are worth n / (1 + (n - 1) correlation). Source: L. Kish, "Survey Sampling" (1965), the design effect.
     """
     repeats, others = problem.floors_of(base.groups), len(base.groups) - 1
     shared = {name: max(1 - (repeats.get(name, 1.0) / floor) ** 2, 0.0) for name, floor in base.floors.items()}

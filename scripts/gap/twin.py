@@ -64,8 +64,8 @@ class Candidate:
 
     An effect that was not fitted is at its null. Where it is ``complete``, all effects of the twin were refitted with it.
     ``gain`` is in loss on the held-out captures, ``gain_se`` its standard error by the scatter over their stations, infinite
-    of one alone and large of an effect that one station sees, whatever its strength. ``certain_gain`` is what captures say of it
-    one by one.
+    of one alone and large of an effect that one station sees, whatever its strength. ``certain_gain`` is the part of it
+    that captures tell independently of one another (gap.score.shared_gain).
     """
 
     effect: str
