@@ -98,17 +98,24 @@ def points_by_parameters(xy, view, chosen, wanted, steps, channel=1):
         module, p = effect_named(name), nulls_of(name) | dict(params)
         moved = module.map_points(xy, view, p, channel)
         if out.any():
-            along = [
-                (module.map_points(xy + h, view, p, channel) - module.map_points(xy - h, view, p, channel))
-                / (2 * DIFFERENCE_PX)
-                for h in np.eye(2) * DIFFERENCE_PX
-            ]
-            out = np.einsum("nij,njk->nik", np.stack(along, axis=-1), out)
+            out = _stretch(functools.partial(module.map_points, view=view, p=p, channel=channel), xy) @ out
         mine = [k for k, (effect, _) in enumerate(wanted) if effect == name]
         if mine:
             out[..., mine] = _own_derivatives(module, xy, view, p, [(wanted[k][1], steps[k]) for k in mine], channel)
         xy = moved
     return out
+
+
+def points_by_points(xy, view, chosen, channel=1):
+    """Return the derivatives (n, 2, 2) of ``map_points`` by the ideal pixels (n, 2)."""
+    return _stretch(functools.partial(map_points, view=view, chosen=chosen, channel=channel), xy)
+
+
+def _stretch(mapping, xy):
+    """Return the derivatives (n, 2, 2) of a map of pixels (n, 2), by differences."""
+    steps = np.array([[1, 0], [-1, 0], [0, 1], [0, -1]]) * DIFFERENCE_PX
+    right, left, down, up = mapping((xy + steps[:, None]).reshape(-1, 2)).reshape(4, *xy.shape)
+    return np.stack([right - left, down - up], axis=-1) / (2 * DIFFERENCE_PX)
 
 
 def _own_derivatives(module, xy, view, p, wanted, channel):

@@ -5,6 +5,8 @@ camera calibration", Photogrammetric Engineering 37 (1971); OpenCV's sign and or
 polynomial turns back it is continued by its tangent, so that points far outside the frame stay outside.
 """
 
+import functools
+
 import numpy as np
 
 from effects.base import Parameter, to_pixels, to_rays
@@ -18,9 +20,10 @@ PARAMETERS = {
 }
 
 
-def turning_radius(p):
+@functools.lru_cache
+def turning_radius(k1, k2, k3):
     """Return the normalised radius at which r (1 + k1 r^2 + ...) stops growing; infinite where it never does."""
-    roots = np.roots([7 * p["k3"], 5 * p["k2"], 3 * p["k1"], 1.0])
+    roots = np.roots([7 * k3, 5 * k2, 3 * k1, 1.0])
     real = roots[np.isreal(roots)].real
     positive = real[real > 1e-9]
     return float(np.sqrt(positive.min())) if len(positive) else np.inf
@@ -30,7 +33,7 @@ def map_points(xy, view, p, channel):
     """Move points along their radius."""
     rays = to_rays(xy, view)
     r = np.linalg.norm(rays, axis=1, keepdims=True)
-    limit = 0.98 * turning_radius(p)
+    limit = 0.98 * turning_radius(p["k1"], p["k2"], p["k3"])
     inside = np.minimum(r, limit)
     s = inside**2
     bent = inside * (1 + s * (p["k1"] + s * (p["k2"] + s * p["k3"])))

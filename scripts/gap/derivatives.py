@@ -60,9 +60,8 @@ class Derivatives:
 
     def corners_by_pose(self, i, effects, pose):
         """Return d corners / d pose (p, 8 of a plate, 6) of the plates that were measured in capture i."""
-        plates = self.whiteners[i].plates
-        corners = self.problem.corners_at(self.problem.captures[i], effects, steps_from(pose))
-        return np.nan_to_num(differences([flat(c)[plates] for c in corners]))
+        moves = self.problem.corners_by_pose(self.problem.captures[i], effects, pose)[self.whiteners[i].plates]
+        return np.nan_to_num(moves.reshape(len(moves), self.problem.corner_numbers, N_POSE))
 
     def corners_by_parameters(self, i, effects, free, pose):
         """Return d corners / d geometric parameters ``free`` (p, 8, k) of the plates that were measured in capture i."""

@@ -18,7 +18,7 @@ from gap.predict.synthesis import Prints, coverages, ground_points, is_lit, shad
 from gap.score import floors_of
 from gap.solver import Solver
 from gap.split import MAX_CAPTURES
-from rig.geometry import N_POSE, perturb_pose, project
+from rig.geometry import N_POSE, perturb_pose, pixels_by_pose, project
 from rig.plates import printed_plates
 
 SCENES_KEPT = 64
@@ -153,6 +153,22 @@ class Case:
         scene, corners = self.scene_of(effects)
         world, is_mapped = corners if points is None else points, pipeline.has_geometry(effects)
         return [_seen_in(_moved(scene, capture.view, delta), world, effects if is_mapped else ()) for delta in deltas]
+
+    def corners_by_pose(self, capture, effects, delta):
+        """Return d ``corners_of`` (p, 4, 2, 6) / d pose.
+
+        What moves points turns and stretches the pinhole's moves; that a shutter's slide is larger near by is left out.
+        """
+        scene, corners = self.scene_of(effects)
+        moves = pixels_by_pose(capture.view.K, scene.T_cam_mount, delta[:N_POSE], capture.view.T_cam_world, corners)
+        if not pipeline.has_geometry(effects):
+            return moves
+        view = _moved(scene, capture.view, delta)
+        flat = project(view.K, view.T_cam_world, corners).reshape(-1, 2)
+        ok = np.isfinite(flat).all(1)
+        out = np.full((len(flat), 2, N_POSE), np.nan)
+        out[ok] = pipeline.points_by_points(flat[ok], view, effects) @ moves.reshape(out.shape)[ok]
+        return out.reshape(moves.shape)
 
     def corners_by_parameters(self, capture, effects, delta, free, steps):
         """Return the derivatives (p, 4, 2, k) of ``corners_of`` by parameters ``free`` of effects that move points."""

@@ -81,6 +81,21 @@ def project(K, T_cam_world, points_world):
     )
 
 
+def pixels_by_pose(K, T_cam_mount, delta, T_cam_world, points_world):
+    """Return d pixels (..., 2, 6) / d delta of world points (..., 3).
+
+    They are seen from T_cam_mount @ ``perturb_pose(T_cam_world, delta)``; NaN where a point is not in front of the camera.
+    """
+    here = transform(T_cam_world, np.asarray(points_world, float))
+    R, by_turn = cv2.Rodrigues(np.asarray(delta[:3], float))
+    p = transform(T_cam_mount, here @ R.T + delta[3:])
+    turned = np.einsum("kij,...j->...ik", by_turn.reshape(3, 3, 3), here)
+    moves = T_cam_mount[:3, :3] @ np.concatenate([turned, np.broadcast_to(np.eye(3), turned.shape)], axis=-1)
+    z = np.where(p[..., 2] > 1e-9, p[..., 2], np.nan)[..., None]
+    across = [K[k, k] * (moves[..., k, :] - p[..., k, None] / z * moves[..., 2, :]) / z for k in (0, 1)]
+    return np.stack(across, axis=-2)
+
+
 def rotation_angle_deg(R_a, R_b):
     """Return the geodesic angle in degrees between two 3 x 3 rotations."""
     return np.degrees(Rotation.from_matrix(R_a.T @ R_b).magnitude())

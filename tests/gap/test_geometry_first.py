@@ -31,6 +31,22 @@ def told(tmp_path_factory):
     return search, base, told_by_corners(search, base, rigid(search))
 
 
+TURNED = ("camera_pose_offset", {"turn_x_deg": 2.0, "turn_z_deg": 15.0})
+
+
+@pytest.mark.parametrize(
+    "name, values", [TURNED, ("radial_distortion", {"k1": -0.2}), ("rolling_shutter", {"skew_y": 0.05})]
+)
+def test_corners_follow_poses_as_differences_say(told, name, values):
+    """Fails if a mount does not turn a pose's moves, a lens or shutter not stretch them, or if a capture's turn is forgotten."""
+    problem, pose, h = told[0].problem, np.array([0.02, -0.03, 0.05, 0.01, 0.02, -0.02]), 1e-6
+    capture, effects = problem.captures[0], [(name, library.nulls_of(name) | values)]
+    on, back = (problem.corners_at(capture, effects, [pose + s * h * step for step in np.eye(6)]) for s in (1, -1))
+    expected = (np.stack(on, axis=-1) - np.stack(back, axis=-1)) / (2 * h)
+    slopes = problem.corners_by_pose(capture, effects, pose)
+    np.testing.assert_allclose(slopes, expected, rtol=1e-4, atol=1e-4 * np.nanmax(np.abs(expected)))
+
+
 def test_corners_tell_exactly_what_moved_them(told):
     """Fails if one of three large moves is missed, hides another, or is made up for by one that was not hidden."""
     search, base, (effects, poses, _) = told
