@@ -90,9 +90,9 @@ def exchanged(search, end, name, rivals, iterations=FURTHER_ITERATIONS):
     """Return (Descent in which an effect or one of its rivals has its place, whichever leaves least, its name, the others
     [(name, p)] that leave as little): all fitted as long, for so many ``iterations``.
 
-    A rival is fitted with everything from the best of its starts, its own parameters fitted alone, where that leaves no more
-    than ``MAX_BEHIND`` times as much. One of many forms takes a simple one's place only where it leaves ``MIN_SHARE`` less: it
-    fits what is missing besides as well.
+    A rival is fitted with everything from the best of its first starts, its own parameters fitted alone, where that leaves no
+    more than ``MAX_BEHIND`` times as much. One of many forms takes a simple one's place only where it leaves ``MIN_SHARE``
+    less: it fits what is missing besides as well.
     """
     effects, poses = end.state.effects, end.state.poses
     others = [e for e in effects if e[0] != name]
