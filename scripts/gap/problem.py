@@ -164,21 +164,17 @@ class Case:
         if not pipeline.has_geometry(effects):
             return moves
         view = _moved(scene, capture.view, delta)
-        flat = project(view.K, view.T_cam_world, corners).reshape(-1, 2)
-        ok = np.isfinite(flat).all(1)
-        out = np.full((len(flat), 2, N_POSE), np.nan)
-        out[ok] = pipeline.points_by_points(flat[ok], view, effects) @ moves.reshape(out.shape)[ok]
-        return out.reshape(moves.shape)
+        pixels = project(view.K, view.T_cam_world, corners)
+        return _of_seen(pixels, lambda xy: pipeline.points_by_points(xy, view, effects), (2, 2)) @ moves
 
     def corners_by_parameters(self, capture, effects, delta, free, steps):
         """Return the derivatives (p, 4, 2, k) of ``corners_of`` by parameters ``free`` of effects that move points."""
         scene, corners = self.scene_of(effects)
         view = _moved(scene, capture.view, delta)
-        flat = project(view.K, view.T_cam_world, corners).reshape(-1, 2)
-        ok = np.isfinite(flat).all(1)
-        out = np.full((*flat.shape, len(free)), np.nan)
-        out[ok] = pipeline.points_by_parameters(flat[ok], view, effects, free, steps)
-        return out.reshape(*corners.shape[:2], 2, len(free))
+        pixels = project(view.K, view.T_cam_world, corners)
+        return _of_seen(
+            pixels, lambda xy: pipeline.points_by_parameters(xy, view, effects, free, steps), (2, len(free))
+        )
 
     # -- images -----------------------------------------------------------------------------------------------
 
@@ -306,8 +302,13 @@ def _seen_in(view, world, effects):
     pixels = project(view.K, view.T_cam_world, world)
     if not effects:
         return pixels
+    return _of_seen(pixels, lambda xy: pipeline.map_points(xy, view, effects), (2,))
+
+
+def _of_seen(pixels, function, shape):
+    """Return what a function of pixels (n, 2) gives for some (p, k, 2), (p, k, *shape): NaN where one is NaN."""
     flat = pixels.reshape(-1, 2)
     ok = np.isfinite(flat).all(1)
-    out = np.full_like(flat, np.nan)
-    out[ok] = pipeline.map_points(flat[ok], view, effects)
-    return out.reshape(pixels.shape)
+    out = np.full((len(flat), *shape), np.nan)
+    out[ok] = function(flat[ok])
+    return out.reshape(*pixels.shape[:-1], *shape)

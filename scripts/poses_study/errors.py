@@ -5,7 +5,7 @@ from scipy.stats import chi2
 
 from detectors.contract import estimate_poses
 from reporting.metrics import is_flipped, relative_rotvec_deg
-from rig.geometry import split_pose
+from rig.geometry import pixels_by_pose, split_pose
 from rig.plates import marker_corners_plate
 
 MEDIANS = {k: chi2.median(k) for k in (1, 2, 3)}  # of chi-square by its degrees of freedom
@@ -48,13 +48,9 @@ def corner_jacobian(T_cam_marker, code_m, K):
     """Return the derivatives (8, 6) of a marker's corners, x before y, pixels, by its pose: a turn about the marker's middle
     in the camera's axes (radians), a step (metres).
     """
-    arms = marker_corners_plate(code_m) @ T_cam_marker[:3, :3].T
-    rows = []
-    for arm, (x, y, z) in zip(arms, arms + T_cam_marker[:3, 3], strict=True):
-        by_point = np.array([[K[0, 0] / z, 0, -K[0, 0] * x / z**2], [0, K[1, 1] / z, -K[1, 1] * y / z**2]])
-        turned = -np.array([[0, -arm[2], arm[1]], [arm[2], 0, -arm[0]], [-arm[1], arm[0], 0]])
-        rows.append(by_point @ np.hstack([turned, np.eye(3)]))
-    return np.concatenate(rows)
+    T_middle_marker, T_cam_middle = np.eye(4), np.eye(4)
+    T_middle_marker[:3, :3], T_cam_middle[:3, 3] = T_cam_marker[:3, :3], T_cam_marker[:3, 3]
+    return pixels_by_pose(K, T_cam_middle, np.zeros(6), T_middle_marker, marker_corners_plate(code_m)).reshape(-1, 6)
 
 
 def unit_covariances(T_cam_marker, code_m, K):
