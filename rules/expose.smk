@@ -11,6 +11,7 @@ if OWN_LIGHT:
             scene=f"{RESULTS}/expand/{{camera}}/scene.json",
             tables=f"{RESULTS}/expand/{{camera}}/captures.csv",
             images=captures_of,
+            register_json=f"{RESULTS}/register/{{camera}}.json",
             observations=f"{RESULTS}/diagnosis/{{camera}}/observations.npz",
             code=imports_of("light_captures.py"),
         output:

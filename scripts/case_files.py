@@ -50,7 +50,7 @@ def load_case(expand, register_json, camera):
     expand is the folder of the expand tables. Raises InputError where the campaign has no captures.
     """
     facts, captures, views = load_views(expand, register_json, camera)
-    scene = load_scene(expand)
+    scene = load_scene(expand, register_json)
     lut = encoding_table(views[0].encoding, views[0].exposure)
     codes = Codes.of(scene.plates, [scene.white, scene.black, scene.ground], lut)
     made = [Capture(view, int(trial)) for view, trial in zip(views, captures.trial, strict=True)]
@@ -125,7 +125,15 @@ def load_measured(expand, register_json, camera, observations, least=MIN_PHOTOGR
     noise_px = local_noise_px(points, without_lens(pixels, register_json), int(is_checkered))
     given = np.isfinite(row.fx), sigma_pose
     return board_case(
-        facts["name"], camera, load_scene(expand), views, captures.trial, points, pixels, noise_px, *given
+        facts["name"],
+        camera,
+        load_scene(expand, register_json),
+        views,
+        captures.trial,
+        points,
+        pixels,
+        noise_px,
+        *given,
     )
 
 
@@ -149,8 +157,7 @@ def load_patches(expand, register_json, camera, patches, points, twin, declared)
 
     Raises ValueError where too few photographs show patches.
     """
-    target = json.loads((Path(expand) / "scene.json").read_text())["target"]
-    drawn = load_photographs(expand, register_json, camera, board_patches(Board.model_validate(target)))
+    drawn = load_photographs(expand, register_json, camera)
     with np.load(patches) as stored:
         arrays = {name: stored[name] for name in ("plates", "features", "signs", "lights", "channels")}
     showing = ((arrays["plates"] >= 0).sum(1) >= MIN_PATCHES) & np.isfinite(arrays["lights"]).all(1)
@@ -171,11 +178,13 @@ def load_patches(expand, register_json, camera, patches, points, twin, declared)
     return SignatureCase(drawn.campaign, camera, captures, twins, arrays["signs"][chosen], drawn, tuple(given))
 
 
-def load_photographs(expand, register_json, camera, patches):
-    """Return the PhotographsCase of one camera's photographs of a board by its rig.patches.Patch, nothing measured yet."""
+def load_photographs(expand, register_json, camera):
+    """Return the PhotographsCase of one camera's photographs of a board by its patches, nothing measured yet."""
     facts, captures, views = load_views(expand, register_json, camera)
     made = [Capture(view, int(trial)) for view, trial in zip(views, captures.trial, strict=True)]
-    return photographs_case(facts["name"], camera, load_scene(expand), made, patches)
+    scene = load_scene(expand, register_json)
+    patches = board_patches(Board.model_validate(facts["target"]), scene.plates[0])
+    return photographs_case(facts["name"], camera, scene, made, patches)
 
 
 def without_lens(pixels, register_json):

@@ -129,7 +129,7 @@ def _images(facts, register_json, manifest, record, expand, campaign, camera, ro
     points = max((find(image) for find in finders), key=lambda p: len(p.image))
     if len(points.image) < MIN_POINTS:
         return [np.zeros((8, 8, 3))] * 3
-    lit = in_light_of(lights, row.capture, load_scene(expand).plates[0])
+    lit = in_light_of(lights, row.capture, load_scene(expand, register_json).plates[0])
     drawn_twins = [drawn(radiance, margin, view, registered_view(view, points, e), e, lit) for e in twins]
     part = board_part(points, size)
     return [np.broadcast_to(i, real.shape)[part] for i in (real, *drawn_twins)]

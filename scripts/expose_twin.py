@@ -73,7 +73,7 @@ def expose_twin(expand, register_json, manifest, light, files, camera, effects, 
     poses = rendered_poses(record)
     chosen = [(n, p) for n, p in effects]
     lights, declared = tables.read_lights(light) if light else {}, declared_of(files)
-    place = BoardPlace(load_scene(expand).plates[0]) if lights else None
+    place = BoardPlace(load_scene(expand, register_json).plates[0]) if lights else None
     with whole_folder(out) as folder:
         views = list(views_of(expand, register_json, camera, poses))
         for capture, view in tqdm(views, desc=f"exposing {camera}", unit="image", mininterval=5):

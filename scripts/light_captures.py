@@ -19,13 +19,13 @@ from rig.light import LIGHT, free_numbers
 log = logging.getLogger("twingap")
 
 
-def light_captures(expand, campaign, camera, observations, out):
+def light_captures(expand, register_json, campaign, camera, observations, out):
     """Write the LIGHT of each capture of a camera; empty where too little of the board is seen.
 
     ``observations`` is the file of the board's points in all captures. What the campaign declares stays as declared.
     """
     expand = Path(expand)
-    facts, scene = json.loads((expand / "scene.json").read_text()), load_scene(expand)
+    facts, scene = json.loads((expand / "scene.json").read_text()), load_scene(expand, register_json)
     captures = tables.read_table(expand / "captures.csv", tables.CAPTURES)
     captures = captures[captures.camera == camera].sort_values("capture")
     with np.load(observations) as stored:
@@ -48,6 +48,7 @@ if __name__ == "__main__":
         light_captures,
         snakemake,
         expand=Path(snakemake.input.scene).parent,
+        register_json=snakemake.input.register_json,
         campaign=snakemake.params.campaign,
         camera=snakemake.wildcards.camera,
         observations=snakemake.input.observations,

@@ -26,7 +26,7 @@ MAX_PX = 400_000  # of the windows about a photograph's patches, unless MIN_PATC
 def observe_patches(expand, register_json, campaign, camera, observations, out):
     """Measure a board's patches about where its points, those of the file ``observations``, say that they are."""
     facts, _, views = load_views(expand, register_json, camera)
-    scene, free = load_scene(expand), free_numbers(facts["left_open"]) & OF_SLOPES
+    scene, free = load_scene(expand, register_json), free_numbers(facts["left_open"]) & OF_SLOPES
     lut = encoding_table(facts["encoding"], float(facts["exposure"]))
     of_set = PhotographSet(campaign, expand, register_json, observations)
     photographs = of_set.photographs(camera, {view.capture: view for view in views})

@@ -23,7 +23,6 @@ from inputs import tables
 from inputs.campaign import Board
 from register.boards import nothing_found
 from register.finders import SECTORS, USUAL, board_finders, board_views, save_points
-from rig.patches import board_patches, inverted_patches
 
 
 @dataclass(frozen=True)
@@ -53,21 +52,14 @@ class PhotographSet:
         return load_measured(self.expand, self.register_json, camera, measured, MIN_CAPTURES)
 
     def photographs(self, camera, views):
-        """Return [gap.signature.Photograph], seen from {capture: view}; those that show no patches have no plates.
-
-        Of a board whose black and white are swapped, patches are the squares that are black.
-        """
+        """Return [gap.signature.Photograph], seen from {capture: view}; those that show no patches have no plates."""
         table = tables.read_table(Path(self.expand) / "captures.csv", tables.CAPTURES).set_index("capture")
         images = {name: pixels_of(read_capture(self.campaign, table.image[name])) for name in views}
         with np.load(self.observations) as stored:
             points, pixels = stored["points"], stored["pixels"]
-        patches = board_patches(self.board)
-        pairs = list(zip(images.values(), pixels, strict=True))
-        if np.median([shines(image, expected_corners(points, xy, patches)) for image, xy in pairs]) > 0:
-            patches = inverted_patches(self.board)
-        case, found = load_photographs(self.expand, self.register_json, camera, patches), []
+        case, found = load_photographs(self.expand, self.register_json, camera), []
         for (name, image), xy in zip(images.items(), pixels, strict=True):
-            plates, features = case.patches_seen(image, expected_corners(points, xy, patches))
+            plates, features = case.patches_seen(image, expected_corners(points, xy, case.patches))
             found.append(Photograph(image, views[name], case.codes, plates, features))
         return found
 
@@ -76,18 +68,6 @@ def pixels_of(image):
     """Return an image (H, W, C) of grey levels in 8 bits, of one channel where all are the same."""
     pixels = np.rint(image).astype(np.uint8)
     return pixels if (pixels != pixels[..., :1]).any() else pixels[..., :1]
-
-
-def shines(image, corners):
-    """Return whether an image (H, W, C) is brighter where black is expected, corners (p, 4, 2), than beside it: 1, -1 or 0."""
-    corners = corners[np.isfinite(corners).all((1, 2))]
-    middles = corners.mean(1)
-    beside = middles + corners[:, 1] - corners[:, 0]
-    values = []
-    for xy in (middles, beside):
-        x, y = np.rint(xy.T).astype(int)
-        values.append(image[np.clip(y, 0, image.shape[0] - 1), np.clip(x, 0, image.shape[1] - 1)].mean(1, dtype=float))
-    return float(np.sign(np.median(values[0] - values[1]))) if len(middles) else 0.0
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from register.finders import (
     board_views,
     by_trusted_finder,
     first_look,
+    is_inverted,
     marker_finder,
     save_points,
     usable_views,
@@ -167,7 +168,7 @@ def register_captures(
     captures = captures[captures.camera == camera].sort_values("capture")
     stations = tables.read_table(expand / "stations.csv", tables.STATIONS)
     nominal = nominal_poses(captures, stations[stations.camera == camera].set_index("station"))
-    hashes, outcomes, fits = {}, {}, {}
+    hashes, outcomes, fits, inverted = {}, {}, {}, False
     if len(captures):
         folder_views = calibration_views(campaign, camera, size, messages)
         if facts["target"]:
@@ -191,6 +192,7 @@ def register_captures(
         exif_px = None if known else exif_focal_px(campaign, captures, size)
         if known is None and facts["target"] and not folder_views:
             check_tilt(views, fits["5"], f"{campaign}/campaign.yaml: cameras.{camera}", exif_px)
+        inverted = is_inverted(views)
         known = known or calibration.ideal_intrinsics(views, folder_views, size, messages, exif_px)
         K, sigma = camera_matrix(*known), prior_of(facts["tolerance"])
         lens = lens_of(View(K, *size, 0, np.eye(4), camera, "", ""), effects)
@@ -204,6 +206,7 @@ def register_captures(
     _write(captures, hashes, outcomes, out_csv)
     record = dict(zip(calibration.INTRINSICS, known, strict=True)) | {
         "calibrations": fits,
+        "inverted": inverted,
         "views": count,
         "messages": messages,
     }

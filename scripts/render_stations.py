@@ -70,7 +70,7 @@ def render_stations(expand, register_csv, register_json, camera, effects, settin
     from blender.renderer import Renderer, blender_version, find_device
 
     expand, out = Path(expand), Path(out)
-    scene = pipeline.scene_with_effects(load_scene(expand), [(n, p) for n, p in effects])
+    scene = pipeline.scene_with_effects(load_scene(expand, register_json), [(n, p) for n, p in effects])
     size = tables.read_table(expand / "cameras.csv", tables.CAMERAS).set_index("camera").loc[camera]
     intrinsics = json.loads(Path(register_json).read_text())
     K = camera_matrix(*(intrinsics[k] for k in ("fx", "fy", "cx", "cy")))

@@ -7,15 +7,16 @@ from effects.base import Scene
 from inputs import tables
 from inputs.campaign import Board
 from markers.contract import marker_plate
-from rig.targets import target_plate
+from rig.targets import inverted_plate, target_plate
 
 
-def load_scene(expand):
-    """Return the effects.base.Scene of an expand folder."""
+def load_scene(expand, register_json):
+    """Return the effects.base.Scene of an expand folder, a board's black and white as register_json says that they are."""
     expand = Path(expand)
     facts = json.loads((expand / "scene.json").read_text())
     if facts["target"]:
-        plates = (target_plate(Board.model_validate(facts["target"])),)
+        plate = target_plate(Board.model_validate(facts["target"]))
+        plates = (inverted_plate(plate) if json.loads(Path(register_json).read_text())["inverted"] else plate,)
     else:
         plates = tuple(marker_plate(m) for m in tables.read_table(expand / "markers.csv", tables.MARKERS).itertuples())
     r = facts["reflectance"]

@@ -167,9 +167,14 @@ def board_views(found, board, images, where, messages):
     if inverted:
         messages.append(
             f"{where}: black and white are swapped in {inverted} of {len(views)} images, whichever way the board is "
-            "turned; geometry is not touched by it, but the twin's board looks inverted"
+            f"turned; the twin's board is {'swapped too' if is_inverted(views) else 'as described'}"
         )
     return points
+
+
+def is_inverted(views):
+    """Return whether most of the BoardPoints {name: BoardPoints} show black and white swapped."""
+    return 2 * sum(v.inverted for v in views.values()) > len(views)
 
 
 def save_points(file, found, finder):

@@ -3,13 +3,12 @@
 A patch has a black square, its code, with white about it, and whatever of the board's other cells lies near.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from rig.board_markers import board_markers
 from rig.plates import black_rectangles, white_cell_at
-from rig.targets import target_plate
 
 CHECKERED = ("chessboard", "charuco")  # types of boards whose points are corners of squares
 WHITE_ABOUT = 0.25  # of a chessboard's square, that is looked at on each side of a black one
@@ -39,18 +38,8 @@ class Patch:
         return np.array([[x - h, y + h, 0], [x + h, y + h, 0], [x + h, y - h, 0], [x - h, y - h, 0]])
 
 
-def board_patches(board):
-    """Return the Patches of a board (inputs.campaign.Board): its inner black squares, or a grid's markers."""
-    return _patches_of(board, target_plate(board))
-
-
-def inverted_patches(board):
-    """Return the Patches of a board whose black and white are swapped."""
-    plate = target_plate(board)
-    return _patches_of(board, replace(plate, white=~plate.white))
-
-
-def _patches_of(board, plate):
+def board_patches(board, plate):
+    """Return the Patches of a board (inputs.campaign.Board) with a Plate: its inner black squares, or a grid's markers."""
     cells = black_rectangles(plate)
     if board.type in CHECKERED:
         half = board.square_m / 2

@@ -1,5 +1,7 @@
 """Plates of calibration boards: chessboard, ChArUco, grid of markers."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from rig.board_markers import board_markers
@@ -37,3 +39,10 @@ def target_plate(board, first_id=0):
         nx, ny, side, squares = board.columns, board.rows, board.marker_m + board.gap_m, []
     black = [[i * side, j * side, (i + 1) * side, (j + 1) * side, 0] for i, j in squares]
     return board_plate(np.array(black + codes, float), nx, ny, side)
+
+
+def inverted_plate(plate):
+    """Return the Plate of a board whose black and white are swapped; the paper about it stays white."""
+    white = plate.white.copy()
+    white[1:-1, 1:-1] = ~white[1:-1, 1:-1]
+    return replace(plate, white=white)

@@ -93,7 +93,7 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         expand = Path(folder) / "expand"
         expand_tables(CAMPAIGN, None, None, expand)
-        scene = load_scene(expand)
+        scene = load_scene(expand, None)
         stations = tables.read_table(expand / "stations.csv", tables.STATIONS)
         for c in tables.read_table(expand / "cameras.csv", tables.CAMERAS).itertuples():
             K = camera_matrix(c.fx, c.fy, c.cx, c.cy)

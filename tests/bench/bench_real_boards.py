@@ -36,7 +36,7 @@ from gap.observables import SIGNS  # noqa: E402
 from gap.select_effects import BUDGET, verdict  # noqa: E402
 from gap.signature_case import NumbersOf, is_seen_in_cells  # noqa: E402
 from gap.whole_lens import left_out_px, with_whole_lens  # noqa: E402
-from inputs.campaign import Board, load_campaign  # noqa: E402
+from inputs.campaign import load_campaign  # noqa: E402
 from observe_patches import observe_patches  # noqa: E402
 from record import commit_of, record  # noqa: E402
 from register_captures import register_captures  # noqa: E402
@@ -44,7 +44,6 @@ from reporting.sentences import effect_words, or_others, plain  # noqa: E402
 from rig.errors import InputError  # noqa: E402
 from rig.geometry import perturb_pose  # noqa: E402
 from rig.light import free_numbers, in_own_light  # noqa: E402
-from rig.patches import board_patches  # noqa: E402
 from told_apart import auc, patches_of  # noqa: E402
 
 REAL = ROOT.parent / "shared/real"
@@ -202,9 +201,9 @@ class Drawn:
 
     def __init__(self, search, twin, effects, declared, files, indices):
         expand, intrinsics, campaign = files
-        case, target = search.problem, json.loads((expand / "scene.json").read_text())["target"]
+        case = search.problem
         images = pd.read_csv(expand / "captures.csv", dtype=str).set_index("capture").image
-        drawn = load_photographs(expand, intrinsics, case.camera, board_patches(Board.model_validate(target)))
+        drawn = load_photographs(expand, intrinsics, case.camera)
         free, zero = free_numbers(load_campaign(campaign).file.left_open), np.zeros(6)
         self.rms, self.found = [], {"photograph": [], "nominal": [], "closest": []}
         for i in indices[:MAX_DRAWN]:

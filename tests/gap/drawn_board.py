@@ -51,7 +51,7 @@ def on_board(view, x, y):
 def board_case(number):
     """Return the PhotographsCase of so many captures of the board, nothing measured."""
     captures = [Capture(view_of(k, f"p{k}"), 1) for k in range(number)]
-    return photographs_case("c", "camera", SCENE, captures, board_patches(BOARD))
+    return photographs_case("c", "camera", SCENE, captures, board_patches(BOARD, *SCENE.plates))
 
 
 def photograph(case, k, effects, noise_dn=1.0):

@@ -38,7 +38,7 @@ def is_black(rectangles, x, y):
 def test_a_patch_shows_the_boards_cells(kind):
     """Fails if a patch's black is turned, mirrored or shifted against the board that is printed and rendered."""
     board = Board.model_validate(BOARDS[kind])
-    plate, patches = target_plate(board), board_patches(board)
+    plate, patches = target_plate(board), board_patches(board, target_plate(board))
     rng = np.random.default_rng(1)
     for patch in patches:
         x, y = rng.uniform(-patch.half_patch, patch.half_patch, (2, 400)) + patch.centre[:, None]
@@ -52,7 +52,8 @@ def test_a_patch_shows_the_boards_cells(kind):
 @pytest.mark.parametrize("kind", BOARDS)
 def test_a_patch_is_a_black_square_with_white_about_it(kind):
     """Fails if the corners by which a patch is found are not those of black on white."""
-    for patch in board_patches(Board.model_validate(BOARDS[kind])):
+    board = Board.model_validate(BOARDS[kind])
+    for patch in board_patches(board, target_plate(board)):
         h, d = patch.half_code, 1e-4
         a = h / 9  # between the lines of cells
         x, y = np.array([[a, h], [h, a], [a, -h], [-h, a]]).T

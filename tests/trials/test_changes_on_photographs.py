@@ -9,7 +9,7 @@ import pytest
 
 import photograph_changes
 from find_changes import amounts_seen, changes_record
-from photograph_changes import by_one_finder, pixels_of, shines, what_changed
+from photograph_changes import by_one_finder, pixels_of, what_changed
 from register.boards import MIN_POINTS
 from register.finders import SECTORS, USUAL
 from trials.diagnose_trial import photograph_sets
@@ -111,15 +111,6 @@ def measured_in(finder, number):
         for k in range(3)
     ]
     return SimpleNamespace(finder=finder, captures=captures)
-
-
-def test_a_board_with_black_and_white_swapped_is_noticed():
-    """Fails if black squares are looked for where white ones are: no patch would then be measured."""
-    board = np.kron(np.indices((6, 6)).sum(0) % 2, np.ones((20, 20)))[..., None] * 200
-    black = np.array([[[x, y], [x + 20, y], [x + 20, y + 20], [x, y + 20]] for x, y in ((40, 40), (60, 60))]) - 0.5
-    assert shines(board, black) == -1
-    assert shines(200 - board, black) == 1
-    assert shines(board, np.full((2, 4, 2), np.nan)) == 0
 
 
 def test_grey_photographs_have_one_channel():
