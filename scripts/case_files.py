@@ -27,6 +27,7 @@ from register.calibration import NAMES, matrix_of
 from register.registration import NO_PRIOR, pose_from_plane, prior_of
 from rig.errors import InputError
 from rig.geometry import camera_matrix, make_pose, perturb_pose
+from rig.light import free_numbers
 from rig.patches import CHECKERED, board_patches
 
 PATCHES = 6  # of a photograph, that its signature is measured in
@@ -165,6 +166,7 @@ def load_patches(expand, register_json, camera, patches, points, twin, declared)
     if len(chosen) < MIN_PHOTOGRAPHS:
         raise ValueError("too few photographs show the board's cells, white and black, at a size that can be measured")
     given = [(n, p) for n, p in twin.effects if not is_seen_in_cells(n)]
+    free = free_numbers(json.loads((Path(expand) / "scene.json").read_text())["left_open"])
     captures, twins = [], []
     for i in chosen:
         theirs = points.captures[i].view
@@ -175,7 +177,7 @@ def load_patches(expand, register_json, camera, patches, points, twin, declared)
         in_colour = bool(arrays["channels"][i] > 1)
         own = declared.get(view.capture, ())
         twins.append(twin_photograph(drawn, view, given, arrays["lights"][i], plates, features, in_colour, own))
-    return SignatureCase(drawn.campaign, camera, captures, twins, arrays["signs"][chosen], drawn, tuple(given))
+    return SignatureCase(drawn.campaign, camera, captures, twins, arrays["signs"][chosen], free, drawn, tuple(given))
 
 
 def load_photographs(expand, register_json, camera):

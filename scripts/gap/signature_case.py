@@ -31,6 +31,8 @@ USUAL_PX = 200_000  # of a photograph's windows
 NO_IMAGE = np.zeros((0, 0, 1), np.uint8)
 BY_GROUP = np.array([SIGNS.index(name) for names in SIGNS_OF_GROUP.values() for name in names])
 MIN_SHARE_OF_LIGHT = 0.95  # of what an effect changes, that another light, exposure or white balance would change alike
+# {sign: number of LIGHT that makes up for it}: where nobody declares that number, the sign tells nothing of the camera
+TAKEN_BY = {"light": "gain", "black": "stray", "red": "red", "blue": "blue"}
 OF_SLOPES = np.array([not name.startswith(("xx", "xy", "yy")) for name in LIGHT])  # a lens's fall-off is no lamp's
 
 
@@ -124,7 +126,8 @@ class SignatureCase:
     """Photographs of a board whose signatures are compared with those of their twins.
 
     captures [gap.problem.Capture], ``observation`` a SeenPatches; twins [TwinPhotograph]; signs (captures, signs) of the real
-    photographs; board the gap.photographs.PhotographsCase that twins are drawn of, given [(name, parameters)] where points land
+    photographs; free (11,) which numbers of their LIGHT nobody declares; board the gap.photographs.PhotographsCase that twins
+    are drawn of, given [(name, parameters)] where points land
     """
 
     campaign: str
@@ -132,6 +135,7 @@ class SignatureCase:
     captures: list
     twins: list
     signs: np.ndarray
+    free: np.ndarray
     board: object = None
     given: tuple = ()
     own = nuisances = ()
@@ -191,6 +195,11 @@ class SignatureCase:
         counted = BY_GROUP[np.isfinite(off).mean(0)[BY_GROUP] >= MIN_SHOWING]
         return counted, np.array([robust_scatter(off[:, k], MIN_SIGN_FLOOR[k]) for k in counted])
 
+    @property
+    def taken(self):
+        """Return the signs (t,) that each photograph's own light, exposure and white balance make up for."""
+        return [sign for sign, number in TAKEN_BY.items() if self.free[LIGHT.index(number)]]
+
     def is_like_light(self, effect):
         """Return whether another gain and stray light of each colour do all that an effect does where it is clearly seen."""
         return all(_share_of_light(self.twins[0], effect, p) > MIN_SHARE_OF_LIGHT for p in clear_ones(effect))
@@ -226,7 +235,9 @@ class SignatureSolver(Solver):
 
     def __init__(self, problem, threads=1):
         self.problem, self.prior = problem, np.zeros(0)
-        self.counted, self.floor = problem.floors
+        counted, floor = problem.floors
+        told = ~np.isin(np.array(SIGNS)[counted], problem.taken)
+        self.counted, self.floor = counted[told], floor[told]
         self.real = problem.signs[:, self.counted] / self.floor
         names = [SIGNS[k] for k in self.counted]
         self.groups = {group: np.isin(names, members) for group, members in SIGNS_OF_GROUP.items()}

@@ -56,4 +56,4 @@ def signatures_of(effects, number=10, printed=()):
         captures.append(Capture(view, 1, seen_patches(len(case.patches), photograph.plates, photograph.features)))
         twins.append(twin_photograph(case, view, [], light, photograph.plates, photograph.features, True))
         signs.append(photograph.signature())
-    return SignatureCase("c", "camera", captures, twins, np.array(signs), case)
+    return SignatureCase("c", "camera", captures, twins, np.array(signs), OF_SLOPES, case)

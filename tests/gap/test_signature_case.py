@@ -1,6 +1,7 @@
 """Photographs of a board against their twins: drawn three times finer, effects laid on by the trials' generator, own light."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +17,10 @@ from gap.photographs import expected_corners, spread_out  # noqa: E402
 from gap.residuals import GROUPS  # noqa: E402
 from gap.search import Search  # noqa: E402
 from gap.select_effects import verdict  # noqa: E402
+from gap.signature_case import OF_SLOPES  # noqa: E402
 from retaken_board import POINTS, signatures_of  # noqa: E402
 from rig.geometry import project  # noqa: E402
+from rig.light import LIGHT, exposed  # noqa: E402
 
 FEW = [
     "lens_blur",
@@ -29,7 +32,8 @@ FEW = [
     "vignetting",
     "exposure",
 ]
-NOISE = {"full_well_e": 3000.0, "read_noise_e": 12.0}
+NOISE = {"full_well_e": 3000.0, "read_noise_e": 12.0}  # of the generator
+NOISE_OF_TWIN = {"gain_dn_per_e": 255 / 3000, "read_noise_e": 12.0}
 
 
 def test_an_ideal_cameras_photographs_are_adequate():
@@ -130,3 +134,22 @@ def test_patches_that_are_looked_at_are_spread_over_the_board():
     chosen = places[spread_out(places, np.arange(100), 5)]
     assert np.ptp(chosen, axis=0)[:2].tolist() == [9, 9]
     assert spread_out(places, np.arange(3), 5).tolist() == [0, 1, 2]
+
+
+@pytest.mark.parametrize("free", [OF_SLOPES, np.zeros(len(LIGHT), bool)], ids=["open", "declared"])
+def test_another_light_is_not_blamed_on_the_camera(free):
+    """Fails if what a photograph's own light, that nobody declared, makes up for stays among what a twin must explain, or a
+    declared light is taken out of it.
+    """
+    case, noise = replace(signatures_of({"sensor_noise": NOISE}, 4), free=free), [("sensor_noise", NOISE_OF_TWIN)]
+    dimmer = replace(case, twins=[replace(twin, light=exposed(twin.light, 0.8)) for twin in case.twins])
+    dimmer.floors = case.floors
+
+    def left(problem, group):
+        return problem.solver().residuals(0, noise, None)[group]
+
+    blamed = {group: np.linalg.norm(left(dimmer, group) - left(case, group)) for group in ("levels", "noise", "colour")}
+    if free.any():
+        assert len(left(case, "levels")) == 1 and max(blamed.values()) < 1  # whether white falls off outwards
+    else:
+        assert len(left(case, "levels")) == 3 and blamed["levels"] > 2  # -0.22 in logarithms, a floor is 0.1
