@@ -271,6 +271,11 @@ def exposed_effects(wildcards):
     return twin_effects(wildcards.camera, "lens", "shutter", "sensor", "processing")
 
 
+def exposed_code(wildcards):
+    """Return the code of the effects that act after the render."""
+    return code_of_effects(name for name, _ in exposed_effects(wildcards))
+
+
 def lens_effects(wildcards):
     """Return the twin's effects that move points: photographs of a board are registered behind them, a rig's poses are told."""
     effects = twin_effects(wildcards.camera) if BOARD else []

@@ -9,11 +9,16 @@ if OWN_LIGHT:
     rule light_captures:
         input:
             scene=f"{RESULTS}/expand/{{camera}}/scene.json",
-            tables=f"{RESULTS}/expand/{{camera}}/captures.csv",
+            tables=expand(
+                f"{RESULTS}/expand/{{{{camera}}}}/{{table}}.csv",
+                table=["cameras", "captures"],
+            ),
             images=captures_of,
             register_json=f"{RESULTS}/register/{{camera}}.json",
+            manifest=f"{RESULTS}/render/{{camera}}.json",
             observations=f"{RESULTS}/diagnosis/{{camera}}/observations.npz",
             code=imports_of("light_captures.py"),
+            effect_code=exposed_code,
         output:
             f"{RESULTS}/light/{{camera}}.csv",
         log:
@@ -26,9 +31,10 @@ if OWN_LIGHT:
             mem_mb=mem_mb_of("light_captures"),
             runtime=runtime_of("light_captures"),
         params:
+            effects=exposed_effects,
             facts=camera_facts,
             campaign=CAMPAIGN,
-            pins=locked("numpy", "scipy", "opencv-contrib-python-headless"),
+            pins=locked("numpy", "scipy", "opencv-contrib-python-headless", "numba"),
         message:
             "Finding the light of the captures of {wildcards.camera}"
         script:

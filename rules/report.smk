@@ -38,7 +38,6 @@ if BOARD:
             register=f"{RESULTS}/register/{{camera}}.csv",
             register_json=f"{RESULTS}/register/{{camera}}.json",
             manifest=f"{RESULTS}/render/{{camera}}.json",
-            light=f"{RESULTS}/light/{{camera}}.csv" if OWN_LIGHT else [],
             verdict=OWN_VERDICT,
             images=captures_of,
             code=imports_of("draw_board_example.py"),

@@ -2,7 +2,7 @@
 
 As diagnose_camera does for rigs: ``example_real.png``, ``example_configured.png``, ``example_explained.png``, here of the board's
 part of the photograph. The twins are Blender's render of that photograph, moved along the board's plane to the pose that fits the
-points best with these effects, in the photograph's own light where nobody declared it.
+points best with these effects, in the light, where nobody declared it, in which this twin shows what the photograph does.
 """
 
 import json
@@ -16,6 +16,8 @@ import job
 from effects import pipeline
 from effects.base import View
 from effects.library import effect_named
+from gap.capture_light import photograph_light
+from gap.problem import encoding_table
 from inputs import tables
 from inputs.campaign import Board, inside
 from inputs.images import read_image
@@ -26,7 +28,7 @@ from register.finders import board_finders
 from register.registration import NO_PRIOR, lens_of, register_pose
 from rig.errors import InputError
 from rig.geometry import camera_matrix, make_pose
-from rig.light import BoardPlace, in_own_light
+from rig.light import BoardPlace, free_numbers, in_own_light
 
 NAMES = ("real", "configured", "explained")
 MARGINS = (0.25, 0.6)  # of the longer side, beyond the frame: a lens may look so far
@@ -82,19 +84,27 @@ def board_part(points, size):
     return slice(y0, y1), slice(x0, x1)
 
 
-def in_light_of(lights, capture, plate):
-    """Return a function (radiance, View) that gives a board's radiance the own light of a capture, if that is known."""
-    if capture not in lights:
-        return lambda radiance, view: radiance
-    place = BoardPlace(plate)
-    return lambda radiance, view: in_own_light(radiance, lights[capture], view, place)
+def in_its_light(twin, photograph, facts, scene, points):
+    """Return the image of a ``twin`` (function of what gives a render its light) in a photograph's (H, W, 3) own light.
+
+    In the nominal light where a campaign's ``facts`` leave nothing open, or too little of the board is seen.
+    """
+    free, place = free_numbers(facts["left_open"]), BoardPlace(scene.plates[0])
+
+    def lit(light):
+        return twin(lambda radiance, view: in_own_light(radiance, light, view, place))
+
+    lut = encoding_table(facts["encoding"], float(facts["exposure"]))
+    try:
+        return lit(photograph_light(photograph, scene, points.board, points.image, lut, free, lit))
+    except ValueError:
+        return twin(lambda radiance, view: radiance)
 
 
-def draw_board_example(expand, register_csv, register_json, manifest, light, campaign, camera, verdict, out):
+def draw_board_example(expand, register_csv, register_json, manifest, campaign, camera, verdict, out):
     """Write the three images, a path each in ``out`` by NAMES; black squares where no photograph shows the board.
 
-    The photograph is the one of those held out that the ideal pinhole fits worst. ``light`` is the table of the captures' own
-    lights, None where it is declared.
+    The photograph is the one of those held out that the ideal pinhole fits worst.
     """
     expand = Path(expand)
     facts = json.loads((expand / "scene.json").read_text())
@@ -104,7 +114,6 @@ def draw_board_example(expand, register_csv, register_json, manifest, light, cam
     row = held.loc[held.rms_px.idxmax()] if len(held) else None
     images = [np.zeros((8, 8, 3))] * 3 if row is None else _images(
         facts, register_json, manifest, record, expand, campaign, camera, row, twins_of(verdict),
-        tables.read_lights(light) if light else {},
     )  # fmt: skip
     for name, image in zip(NAMES, images, strict=True):
         pixels = np.clip(np.rint(image), 0, 255).astype(np.uint8)[..., ::-1]
@@ -112,7 +121,7 @@ def draw_board_example(expand, register_csv, register_json, manifest, light, cam
             file.write(cv2.imencode(".png", pixels)[1].tobytes())
 
 
-def _images(facts, register_json, manifest, record, expand, campaign, camera, row, twins, lights):
+def _images(facts, register_json, manifest, record, expand, campaign, camera, row, twins):
     """Return the photograph's board part and the two twins' (H, W, 3), red first."""
     captures = tables.read_table(expand / "captures.csv", tables.CAPTURES).set_index("capture")
     intrinsics = json.loads(Path(register_json).read_text())
@@ -129,8 +138,13 @@ def _images(facts, register_json, manifest, record, expand, campaign, camera, ro
     points = max((find(image) for find in finders), key=lambda p: len(p.image))
     if len(points.image) < MIN_POINTS:
         return [np.zeros((8, 8, 3))] * 3
-    lit = in_light_of(lights, row.capture, load_scene(expand, register_json).plates[0])
-    drawn_twins = [drawn(radiance, margin, view, registered_view(view, points, e), e, lit) for e in twins]
+    scene = load_scene(expand, register_json)
+
+    def image_of(effects):
+        moved = registered_view(view, points, effects)
+        return in_its_light(lambda lit: drawn(radiance, margin, view, moved, effects, lit), real, facts, scene, points)
+
+    drawn_twins = [image_of(effects) for effects in twins]
     part = board_part(points, size)
     return [np.broadcast_to(i, real.shape)[part] for i in (real, *drawn_twins)]
 
@@ -143,7 +157,6 @@ if __name__ == "__main__":
         register_csv=snakemake.input.register,
         register_json=snakemake.input.register_json,
         manifest=snakemake.input.manifest,
-        light=snakemake.input.get("light") or None,
         campaign=snakemake.params.campaign,
         camera=snakemake.wildcards.camera,
         verdict=snakemake.input.verdict,

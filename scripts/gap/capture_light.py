@@ -22,6 +22,9 @@ CLEAR_PX = (
 )  # from the nearest edge of a cell: less is blurred; the second where cells are too small for the first
 FEWEST_PLACES = 12  # of white, and of black, that tell a light
 MAX_PLACES = 600  # of each, that are asked
+ROUNDS_BEHIND = 3  # of a light behind a twin's effects
+# How much a place's levels grow with its radiance, both in logarithms, is told where these moved so far, and is in this range
+LEAST_MOVED, ELASTICITY = 0.01, (0.25, 4.0)
 SCATTER = 0.02  # of radiance, beyond which a place counts less: dirt, fingers, reflections
 
 
@@ -62,15 +65,47 @@ def light_of(shown, reflectance, X, Y, free):
     return light
 
 
-def photograph_light(image, scene, points, pixels, lut, free):
+def photograph_light(image, scene, points, pixels, lut, free, twin=None):
     """Return the LIGHT (11,) in which a photograph (H, W, 1 or 3) shows a scene's board; ValueError as ``light_of``.
 
-    points (p, 3) of the board and pixels (p, 2) as found; lut, grey levels of radiances from 0 to 1; free (11,) as there.
+    points (p, 3) of the board and pixels (p, 2) as found; lut, grey levels of radiances from 0 to 1; free (11,) as there. Of a
+    ``twin`` (LIGHT -> grey levels as the photograph's) whose effects change levels as well, the light behind them is sought: what
+    the photograph shows less than the twin at a place, the light lacks there.
     """
-    levels, white, xy = seen_places(scene.plates[0], points, pixels, image)
-    shown = np.interp(levels, lut, np.linspace(0, 1, len(lut)))
-    reflectance = np.where(white, scene.white, scene.black)
-    return light_of(shown, reflectance, *BoardPlace(scene.plates[0])(*xy.T), free)
+    plate, radiances = scene.plates[0], np.linspace(0, 1, len(lut))
+    _, white, xy = seen_places(plate, points, pixels, image)
+    reflectance, (X, Y) = np.where(white, scene.white, scene.black), BoardPlace(plate)(*xy.T)
+
+    def shown_in(picture):
+        return np.interp(seen_places(plate, points, pixels, picture)[0], lut, radiances)
+
+    def radiated(light):
+        return lit(reflectance[None, :, None], light, X[None], Y[None])[0]
+
+    def fitted(values):
+        return light_of(values, reflectance, X, Y, free)
+
+    shown = shown_in(image)
+    light = fitted(shown)
+    return light if twin is None else _light_behind(light, shown, lambda at: shown_in(twin(at)), radiated, fitted)
+
+
+def _light_behind(light, shown, made, radiated, fitted):
+    """Return the LIGHT (11,) for which ``made`` (LIGHT -> radiances (n, 3) behind effects) is ``shown``: secants of logarithms.
+
+    radiated: LIGHT -> radiances (n, 3) before the effects; fitted: such radiances -> LIGHT.
+    """
+    before, after, elasticity = None, None, 1.0
+    for _ in range(ROUNDS_BEHIND):
+        last, before = before, np.log(np.maximum(radiated(light), DARKEST))
+        earlier, after = after, np.log(np.maximum(made(light), DARKEST))
+        if last is not None:
+            grown = np.divide(
+                after - earlier, before - last, out=np.ones_like(after), where=np.abs(before - last) > LEAST_MOVED
+            )
+            elasticity = np.clip(grown, *ELASTICITY)
+        light = fitted(np.exp(before + (np.log(np.maximum(shown, DARKEST)) - after) / elasticity))
+    return light
 
 
 def board_map(points, pixels):

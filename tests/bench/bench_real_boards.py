@@ -213,14 +213,15 @@ class Drawn:
             )
             image, observed = read_capture(campaign, images[name]), case.captures[i].observation.features
             radiance = drawn.radiance_of(capture, twin.effects, zero)
+            closest = closest_twin(drawn, capture, radiance, [*effects, *declared.get(name, ())])
             try:
-                lit_radiance = in_light_of(radiance, drawn, capture.view, image, case.points, observed, free)
+                light = photograph_light(image, drawn.scene, case.points, observed, drawn.codes.lut, free, closest)
             except ValueError:
                 continue  # too little of the board is seen
             inside = board_mask(case.points, observed, image.shape)
-            nominal, lit = (drawn.image_of(r, capture, twin.effects, zero) for r in (radiance, lit_radiance))
-            self.rms.append([np.sqrt(np.mean((image[inside] - v[inside]) ** 2)) for v in (nominal, lit)])
-            closest = drawn.image_of(lit_radiance, capture, [*effects, *declared.get(name, ())], zero, NumbersOf(name))
+            nominal = drawn.image_of(radiance, capture, twin.effects, zero)
+            self.rms.append([np.sqrt(np.mean((image[inside] - v[inside]) ** 2)) for v in (nominal, closest(light))])
+            closest = closest(light, NumbersOf(name))
             for key, shown in (("photograph", image), ("nominal", nominal), ("closest", closest)):
                 self.found[key].append(patches_of(np.rint(shown), inside))
 
@@ -234,10 +235,14 @@ def moved_pose(case, i, twin):
     return perturb_pose(case.captures[i].view.T_cam_world, twin.poses[i])
 
 
-def in_light_of(radiance, drawn, view, image, points, pixels, free):
-    """Return a twin's radiance (H + 2m, W + 2m, 1) in the light that a photograph shows of its board."""
-    light = photograph_light(image, drawn.scene, points, pixels, drawn.codes.lut, free)
-    return in_own_light(radiance[..., 0], light, view, drawn.place)
+def closest_twin(drawn, capture, radiance, effects):
+    """Return a function (LIGHT, random numbers) -> the image of a capture's twin with effects from its radiance, in a light."""
+
+    def image(light, numbers=None):
+        lit = in_own_light(radiance[..., 0], light, capture.view, drawn.place)
+        return drawn.image_of(lit, capture, effects, np.zeros(6), numbers)
+
+    return image
 
 
 def board_mask(points, pixels, shape):

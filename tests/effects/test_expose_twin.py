@@ -13,6 +13,7 @@ from expose_twin import expose_twin
 from inputs import tables
 from inputs.photo_facts import photo_facts
 from inputs.render_store import write_station
+from light_captures import twins_in_light
 from rig.errors import InputError
 from rig.geometry import split_pose
 from rig.light import LIGHT
@@ -34,7 +35,8 @@ def run(tmp_path):
         tables.write_table(table, tmp_path / f"expand/{name}.csv", schema)
     facts = {"name": "c", "exposure": 1.0, "encoding": "srgb", "noise_dn": 2.0}
     (tmp_path / "expand/scene.json").write_text(json.dumps(facts))
-    (tmp_path / "register.json").write_text(json.dumps(dict(zip(("fx", "fy", "cx", "cy"), camera[0][3:], strict=True))))
+    intrinsics = dict(zip(("fx", "fy", "cx", "cy"), camera[0][3:], strict=True))
+    (tmp_path / "register.json").write_text(json.dumps(intrinsics | {"inverted": False}))
     radiance = np.full((HEIGHT + 2 * MARGIN, WIDTH + 2 * MARGIN), 0.3, np.float32)
     write_station(tmp_path / "render/cam", "s", radiance, MARGIN, "key")
     pose = np.concatenate(split_pose(v.T_cam_world)).tolist()
@@ -90,6 +92,18 @@ def test_a_photograph_of_a_board_has_its_own_light(run, tmp_path):
     assert red > green + 5 > blue + 10
     left, right = (pixels(images["a0"])[HEIGHT // 2 :, side, 1].mean() for side in (slice(0, 30), slice(-30, None)))
     assert right > left + 10
+
+
+def test_a_light_is_sought_behind_what_the_twin_does_to_levels(run, tmp_path):
+    """Fails if a twin's vignetting is left out where light is sought, or a lens alone makes it be sought twice."""
+    run()
+    paths, place = (tmp_path / "expand", tmp_path / "register.json", tmp_path / "render/cam.json"), lambda x, y: (x, y)
+    dark = [("vignetting", library.nulls_of("vignetting") | {"a2": 0.6})]
+    twins = twins_in_light(*paths, "cam", dark, place)
+    assert sorted(twins) == ["a0", "a1"]
+    shown = twins["a0"](np.zeros(len(LIGHT)))
+    assert shown.shape == (HEIGHT, WIDTH, 3) and shown[0, 0, 1] < shown[HEIGHT // 2, WIDTH // 2, 1] - 20
+    assert twins_in_light(*paths, "cam", [("radial_distortion", {"k1": -0.1})], place) == {}
 
 
 def test_the_twin_of_a_jpeg_is_one(run, tmp_path):

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from gap.capture_light import light_of, seen_places
+from effects.base import Scene
+from gap.capture_light import light_of, photograph_light, seen_places
 from inputs.campaign import Board
 from rig.light import LIGHT, BoardPlace, free_numbers, lit
 from rig.targets import target_plate
@@ -59,6 +60,31 @@ def test_what_is_declared_stays(key):
     assert free.any() and not free.all()
     found = light_of(shown, np.where(white, WHITE, BLACK), *BoardPlace(PLATE)(*xy.T), free)
     assert (found[~free] == 0).all() and (found[free] != 0).any()
+
+
+def test_what_a_twin_does_to_levels_is_no_light():
+    """Fails if a vignetting and a glare that a twin has are found again as the photograph's light: both would be shown twice."""
+    image, points, pixels = photograph(24)
+    (height, width), size = image.shape[:2], np.array(image.shape[1::-1])
+    r2 = (((np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1) - size / 2) / size.max() * 2) ** 2).sum(-1)
+
+    def camera(radiance):
+        return 0.1 + 0.9 * (radiance * (1 - 0.5 * r2[..., None])) ** 0.8
+
+    place = BoardPlace(PLATE)
+    across, up = ((np.arange(n) + 0.5 - n / 2) / 24 * BOARD.square_m / place.half_size for n in (width, height))
+    X, Y = np.meshgrid(across, -up)
+    white = (image[..., 1] > 0.2)[..., None]
+
+    def twin(light):
+        return camera(lit(np.where(white, WHITE, BLACK), light, X, Y))
+
+    scene, lut = Scene((PLATE,), WHITE, BLACK, 0.3, 0.3), np.linspace(0, 1, 1001)
+    truth, alone, behind = (
+        photograph_light(shown, scene, points, pixels, lut, EVERYTHING, twin=by)
+        for shown, by in ((image, None), (camera(image), None), (camera(image), twin))
+    )
+    assert np.abs(alone - truth).max() > 0.1 > 10 * np.abs(behind - truth).max()
 
 
 def test_a_grey_photograph_has_a_light_without_colour():

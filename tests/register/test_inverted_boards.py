@@ -44,7 +44,7 @@ def seen(folder, campaign, camera, least):
     points, light, patches = (folder / name for name in ("observations.npz", "light.csv", "patches.npz"))
     expand_tables(campaign, None, camera, expand)
     register_captures(expand, campaign, camera, register.with_suffix(".csv"), register, points, least=least)
-    light_captures(expand, register, campaign, camera, points, light)
+    light_captures(expand, register, None, campaign, camera, points, [], light)
     observe_patches(expand, register, campaign, camera, points, patches)
     with np.load(patches) as stored:
         numbers = (stored["plates"] >= 0).sum(axis=1)

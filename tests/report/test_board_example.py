@@ -2,16 +2,18 @@
 
 import numpy as np
 
-from draw_board_example import board_part, drawn, in_light_of, registered_view, twins_of
+from draw_board_example import board_part, drawn, in_its_light, registered_view, twins_of
 from effects import pipeline
-from effects.base import View
+from effects.base import Scene, View
+from inputs.campaign import Board
 from register.boards import BoardPoints
 from rig.geometry import camera_matrix, perturb_pose, project, station_pose
-from rig.light import LIGHT
-from rig.plates import board_plate
+from rig.targets import inverted_plate, target_plate
 
 SIZE, SIDE_M, MARGIN = (320, 240), 0.02, 20
 LENS = [("radial_distortion", {"k1": -0.25})]
+BOARD = Board(type="chessboard", columns=7, rows=5, square_m=SIDE_M)
+FACTS = {"left_open": ["light", "exposure", "white_balance", "reflectance"], "encoding": "srgb", "exposure": 1.0}
 
 
 def checkerboard(view, margin):
@@ -46,11 +48,13 @@ def test_the_twin_with_what_was_found_looks_like_the_photograph():
     assert twins == ([], LENS)
     points = BoardPoints(board, image, 0)
     views = [registered_view(rendered, points, e) for e in twins]
-    light = dict.fromkeys(LIGHT, 0.0) | {
-        "gain": np.log(0.7), "red": np.log(6 / 7), "blue": np.log(9 / 7), "stray": 0.02
-    }  # fmt: skip
-    lit = in_light_of({"a": np.array(list(light.values()))}, "a", board_plate(np.zeros((0, 5)), 8, 6, SIDE_M))
-    shown = [drawn(radiance, MARGIN, rendered, v, e, lit) for v, e in zip(views, twins, strict=True)]
+    scene = Scene((inverted_plate(target_plate(BOARD)),), 0.8, 0.05, 0.35, 0.35)
+    shown = [
+        in_its_light(
+            lambda lit, v=v, e=e: drawn(radiance, MARGIN, rendered, v, e, lit), photograph, FACTS, scene, points
+        )
+        for v, e in zip(views, twins, strict=True)
+    ]
     rows, columns = board_part(points, SIZE)
     inside = np.zeros(SIZE[::-1], bool)
     inside[rows, columns] = True
