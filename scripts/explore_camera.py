@@ -16,6 +16,7 @@ import pandas as pd
 import job
 from case_files import load_case, load_observations, read_capture
 from inputs import tables
+from inputs.scene import load_scene
 from markers.contract import marker_corners_world
 from reporting.explore_tables import (
     as_js,
@@ -31,7 +32,7 @@ from reporting.explore_tables import (
     tilt_bins,
 )
 from reporting.ladder_images import LadderImages, chosen, rungs_of
-from rig.geometry import make_pose, transform
+from rig.geometry import make_pose, project, transform
 from whole_folder import whole_folder
 
 log = logging.getLogger("twingap")
@@ -39,6 +40,7 @@ log = logging.getLogger("twingap")
 CAPTURES_A_FILE = 16  # their markers' numbers, some 10 kB a capture
 SMALL_WIDTH_PX, SMALL_QUALITY = 960, 88  # of images that are shown reduced
 LADDER_NUMBERS = ("corner_rmse_px", "intensity_rmse_dn", "detection_disagreement_pct", "gap")
+FAR_PX = -(2**15), 2**15 - 1  # beyond any frame: what OpenCV can fill to
 POSE = ["rx", "ry", "rz", "tx", "ty", "tz"]
 
 
@@ -116,9 +118,22 @@ def write_small(path, image):
     path.write_bytes(data.tobytes())
 
 
-def rms_between(real, twin):
-    """Return how far two images (H, W, C) differ in grey levels, root mean square of their channels' means."""
-    return round(float(np.sqrt(((real.mean(axis=2) - twin.mean(axis=2)) ** 2).mean())), 3)
+def rms_between(real, twin, inside=slice(None)):
+    """Return how far two images (H, W, C) differ in grey levels, root mean square of their channels' means.
+
+    Of the pixels (H, W) that lie ``inside``; None where none does.
+    """
+    off = (real.mean(axis=2) - twin.mean(axis=2))[inside]
+    return round(float(np.sqrt((off**2).mean())), 3) if off.size else None
+
+
+def board_seen(scene, K, T_cam_world, size):
+    """Return which pixels (H, W) of an image of a size (width, height) show the squares of a scene's board."""
+    plate = scene.plates[0]
+    (x0, x1), (y0, y1) = plate.x_m[[1, -2]], plate.y_m[[1, -2]]
+    corners = project(K, T_cam_world, np.array([[x0, y0, 0], [x1, y0, 0], [x1, y1, 0], [x0, y1, 0]]))
+    mask = np.zeros(size[::-1], np.uint8)
+    return cv2.fillConvexPoly(mask, np.rint(np.clip(corners, *FAR_PX)).astype(np.int32), 1) > 0
 
 
 def show_ladder(real, name, ladder, folder, image):
@@ -139,14 +154,17 @@ def _by_marker(corners):
     return {k: rounded(c.ravel(), 2) for k, c in enumerate(corners) if np.isfinite(c).all()}
 
 
-def show_pair(real, twin_file, folder, image):
-    """Write a capture and its twin image, both reduced; return what the page is told of them."""
+def show_pair(real, twin_file, folder, image, inside=slice(None)):
+    """Write a capture and its twin image, both reduced; return what the page is told of them, of the pixels ``inside``."""
     write_small(folder / f"{image}_real.jpg", np.clip(np.rint(real), 0, 255).astype(np.uint8)[..., ::-1])
     twin = cv2.imread(str(twin_file))
     if twin is None:
         return {"measured": {}, "steps": []}
     write_small(folder / f"{image}_0.jpg", twin)
-    return {"measured": {}, "steps": [{"rms_dn": rms_between(real, twin[..., ::-1]), "off_px": None, "corners": {}}]}
+    return {
+        "measured": {},
+        "steps": [{"rms_dn": rms_between(real, twin[..., ::-1], inside), "off_px": None, "corners": {}}],
+    }
 
 
 # -- the whole ------------------------------------------------------------------------------------------------------
@@ -194,8 +212,11 @@ def _corner_rms(plates, twin):
     return np.sqrt(squares.groupby(mine.capture).mean()).round(4).to_dict()
 
 
-def write_captures(measured, campaign, twin_folder, camera, K, size, ladder, drawn, out):
-    """Write images and cells of all captures; some in a file: the page loads them when one of them is asked for."""
+def write_captures(measured, campaign, twin_folder, camera, K, size, ladder, drawn, board, out):
+    """Write images and cells of all captures; some in a file: the page loads them when one of them is asked for.
+
+    ``board`` is the Scene of a board, whose surroundings are not modelled, else None.
+    """
     cells = {name: part for name, part in measured.cells.groupby("capture")}
     found = {name: part for name, part in measured.detections.groupby("capture")}
     world = [marker_corners_world(m).mean(axis=0) for m in measured.markers.itertuples()]
@@ -208,7 +229,12 @@ def write_captures(measured, campaign, twin_folder, camera, K, size, ladder, dra
             if row.capture in drawn:
                 shown = show_ladder(real, row.capture, ladder, out, image)
             else:
-                shown = show_pair(real, Path(twin_folder) / f"{row.capture}.png", out, image)
+                inside = (
+                    board_seen(board, K, row.T_cam_world, size)
+                    if board and row.T_cam_world is not None
+                    else slice(None)
+                )
+                shown = show_pair(real, Path(twin_folder) / f"{row.capture}.png", out, image, inside)
             if K is not None and row.T_cam_world is not None:
                 shown["place"] = place_of(K, *size, row.T_cam_world)
                 if world:
@@ -235,6 +261,8 @@ def explore_camera(
     measured = read_measured(expand, camera, register, plates, cells, detections)
     labels, measured.captures["tilt_bin"] = tilt_bins(measured.captures.tilt_deg)
     ladder, drawn, rungs = None, set(), rungs_of(verdict)
+    facts = json.loads((expand / "scene.json").read_text())
+    board = load_scene(expand, register_json) if facts["target"] else None
     if observations:
         case, _ = load_case(expand, register_json, camera)
         load_observations(observations, case)
@@ -258,7 +286,7 @@ def explore_camera(
     }  # fmt: skip
     with whole_folder(out) as folder:
         (folder / "camera.js").write_text(as_js(f"camera/{camera}", told), encoding="utf-8")
-        write_captures(measured, campaign, twin_folder, camera, K, size, ladder, drawn, folder)
+        write_captures(measured, campaign, twin_folder, camera, K, size, ladder, drawn, board, folder)
     log.info("%s: %d captures, %d of them with the ladder's %d twins", camera, len(plain), len(drawn), len(rungs))
 
 

@@ -8,11 +8,15 @@ import pandas as pd
 import pytest
 
 from case_files import load_case, load_observations
+from effects.base import Scene
+from explore_camera import board_seen, rms_between, show_pair
 from gap.observables import FEATURES
+from inputs.campaign import Board
 from report.explored import CAMERAS, DRAWN, GAPS, PLATE_GAPS_PX, STEPS, explore, lay_down_run, paths_of, told_in
 from reporting.explore_tables import as_js, bins_of, cell_sums, place_of, plate_sums, tilt_bins
 from reporting.ladder_images import chosen, rungs_of
-from rig.geometry import camera_matrix, station_pose
+from rig.geometry import camera_matrix, project, station_pose
+from rig.targets import target_plate
 from workflow_runs import PROJECT
 
 
@@ -199,3 +203,21 @@ def test_residuals_of_the_methods_page_are_those_of_the_plates_that_a_run_measur
     found = method_pictures.whitened(run, "left")
     assert found["configured"].size == len(measured) * len(FEATURES) > 0
     np.testing.assert_allclose(found["configured"], 10 * found["explained"])
+
+
+def test_what_lies_about_a_board_is_not_compared(tmp_path):
+    """Fails if a twin of a board, whose surroundings are not modelled, differs from its photograph by a bright wall behind it."""
+    scene = Scene((target_plate(Board(type="chessboard", columns=7, rows=5, square_m=0.02)),), 0.8, 0.05, 0.3, 0.3)
+    K, T, size = camera_matrix(300.0, 300.0, 159.5, 119.5), station_pose(0.3, 60), (320, 240)
+    T[:3, 3] -= T[:3, :3] @ [0.08, -0.1, 0.0]
+    inside = board_seen(scene, K, T, size)
+    middle, corner = project(K, T, np.array([[0.08, 0.06, 0.0], [0.16 - 0.001, 0.12 - 0.001, 0.0]])).round().astype(int)
+    assert inside[tuple(middle[::-1])] and inside[tuple(corner[::-1])] and 0.05 < inside.mean() < 0.5
+    beyond = project(K, T, np.array([0.165, 0.125, 0.0])).round().astype(int)
+    assert not inside[tuple(beyond[::-1])]  # paper about the squares
+    twin = np.full((*size[::-1], 3), 100, np.uint8)
+    cv2.imwrite(str(tmp_path / "twin.png"), twin)
+    photograph = np.where(inside[..., None], 104.0, 255.0) * np.ones(3)
+    (step,) = show_pair(photograph, tmp_path / "twin.png", tmp_path, "00000", inside)["steps"]
+    assert step["rms_dn"] == 4
+    assert rms_between(photograph, twin) > 50 and rms_between(photograph, twin, np.zeros_like(inside)) is None

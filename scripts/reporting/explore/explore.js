@@ -58,7 +58,7 @@ explorer.start = async () => {
     $("capture").textContent = camera.captures.name[k];
     $("how").textContent = all
       ? "Each twin is drawn in this capture's own pose, at full size, without loss."
-      : rungsHere() && !index.markers.length ? "Beside its twin in its own pose; the light on the board is not matched."
+      : rungsHere() && index.board ? "Reduced, beside its twin in its own pose, and in its own light where nobody declared it. What lies about the board is not modelled."
       : rungsHere() ? "Reduced, beside the twin as it stands at its station: a shift of some pixels is the station's tolerance." : "This capture has no twin: its pose is unknown.";
     $("ladder").classList.toggle("single", !all);
     viewer.setStep(stepHere());
@@ -277,6 +277,7 @@ explorer.start = async () => {
   $("outlines").addEventListener("change", (event) => viewer.setOutlines(event.target.checked));
   for (const [id, act] of Object.entries({ previous: () => turn(-1), next: () => turn(1), closer: () => viewer.zoom(1.5), farther: () => viewer.zoom(1 / 1.5), whole: () => viewer.home(), "to-marker": toMarker })) $(id).addEventListener("click", act);
   document.body.classList.toggle("no-markers", !index.markers.length);
+  document.body.classList.toggle("no-board", !index.board);
 
   const asked = new URLSearchParams(location.hash.slice(1));
   S.step = Math.max(0, Number.parseInt(asked.get("step"), 10) || 0);
