@@ -173,14 +173,22 @@ def point_step(change, twin, error):
 
 
 def signature_step(change):
-    """Return a step of the record that a SignatureChange is: parameters from the null, or less: to it."""
+    """Return a step of the record that a SignatureChange is: parameters from the null, or less: to it.
+
+    They count beyond what those captures show that have less of it, which may be more than nothing.
+    """
     parameters = {}
     for key, value in change.parameters.items():
         null, error = library.parameters_of(change.effect)[key].null, change.errors.get(key)
         there, here = (value, null) if change.less else (null, value)
         parameters[key] = {"from": there, "to": here, "se": error, "value": here}
     step = _step(change.effect, change.one_of, change.p)
-    return step | {"parameters": parameters, "gap_after_se": None, "like_light": change.like_light}
+    return step | {
+        "parameters": parameters,
+        "gap_after_se": None,
+        "like_light": change.like_light,
+        "beyond": "later" if change.less else "earlier",
+    }
 
 
 def _step(effect, one_of, p):

@@ -62,11 +62,14 @@ def assumed(scene):
     }
     for_all = ", reflectances for all captures alike," if "reflectance" in left_open else ""
     fitted = f"The diagnosis fits each capture's own{for_all} and blames nothing on them."
-    return [f"{words}the twin's images take {listed(values[key] for key in left_open)}. {fitted}"]
+    return [
+        f"{words}the twin's images take {listed(values[key] for key in left_open)}. {fitted}",
+        *hidden_words(left_open),
+    ]
 
 
 def hidden_words(left_open):
-    """Return a sentence on what hides one another in photographs of a board, a group each; none where nothing does."""
+    """Return a sentence on what hides one another where some is left open, a group each; none where nothing does."""
     groups = "; ".join(listed(group) for group in hidden_groups(left_open))
     return [f"These hide one another, and are told together alone: {groups}."] if groups else []
 
@@ -200,7 +203,8 @@ def change_words(step):
     if len(parameters) > MAX_TOLD:
         return f"{name} has changed ({len(parameters)} parameters)"
     values = (f"{k} from {p['from']:.4g} to {with_error(p['to'], p['se'])}" for k, p in parameters.items())
-    return f"{name} has changed: {', '.join(values)}"
+    beyond = f", beyond what the {step['beyond']} captures have of it" if "beyond" in step else ""
+    return f"{name} has changed: {', '.join(values)}{beyond}"
 
 
 def own_words(diagnosis):

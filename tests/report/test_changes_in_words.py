@@ -1,10 +1,12 @@
 """What has changed is told in a sentence a change, from how much to how much."""
 
 import json
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
 
+from find_changes import signature_step
 from reporting.sentences import verdict_words
 from workflow_runs import PROJECT
 
@@ -36,6 +38,24 @@ def test_what_another_lamp_would_do_as_well_is_said():
     """Fails if a photographer who moved a lamp reads that the camera has changed, and nothing else."""
     said = verdict_words(DIAGNOSIS | {"steps": [STEP | {"effect": "exposure", "like_light": True}]})
     assert "exposure (or the light is another) has changed" in said
+
+
+def test_what_cells_show_is_counted_from_the_set_that_has_less_of_it():
+    """Fails if a blur that was there before reads as none, or what is beyond the later captures as beyond the earlier."""
+    found = {
+        "effect": "lens_blur",
+        "parameters": {"sigma_px": 1.2},
+        "errors": {"sigma_px": 0.1},
+        "one_of": (),
+        "p": 0.01,
+    }
+    for less, told in (
+        (False, "from 0 to 1.20 ± 0.10, beyond what the earlier"),
+        (True, "from 1.2 to 0.00 ± 0.10, beyond what the later"),
+    ):
+        step = signature_step(SimpleNamespace(**found, less=less, like_light=False))
+        said = verdict_words(DIAGNOSIS | {"steps": [step]})
+        assert f"lens blur has changed: sigma_px {told} captures have of it." in said
 
 
 def test_what_could_have_changed_unseen_is_said():
