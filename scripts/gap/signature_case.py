@@ -235,9 +235,8 @@ class SignatureSolver(Solver):
 
     def __init__(self, problem, threads=1):
         self.problem, self.prior = problem, np.zeros(0)
-        counted, floor = problem.floors
-        told = ~np.isin(np.array(SIGNS)[counted], problem.taken)
-        self.counted, self.floor = counted[told], floor[told]
+        self.counted, self.floor = problem.floors
+        self.told = ~np.isin(np.array(SIGNS)[self.counted], problem.taken)
         self.real = problem.signs[:, self.counted] / self.floor
         names = [SIGNS[k] for k in self.counted]
         self.groups = {group: np.isin(names, members) for group, members in SIGNS_OF_GROUP.items()}
@@ -246,10 +245,10 @@ class SignatureSolver(Solver):
         self.cost, self._kept = 0, Kept(KEPT)
 
     def shown(self, i, effects):
-        """Return the counted signs of capture i's twin in floors."""
+        """Return the counted signs of capture i's twin in floors; the photograph's own light makes some as they are there."""
         key = i, pipeline.key_of(effects)
         signs = self._kept.of(key, lambda: self.problem.signature(i, list(effects)))
-        return signs[self.counted] / self.floor
+        return np.where(self.told, signs[self.counted] / self.floor, self.real[i])
 
     def residuals(self, i, effects, pose):
         """Return the residual groups of capture i for a list of effects."""
