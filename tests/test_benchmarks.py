@@ -4,12 +4,16 @@ import subprocess
 
 import pandas as pd
 import pytest
+import yaml
 
 import bench_bounds
+import bench_photographs
+import bench_real_boards
 import bench_slurm
 import record
 import run_benchmarks
 from trials.summarise_trials import summary_of
+from trials.trial_names import KINDS
 from workflow_runs import PROJECT, numbers_of
 
 
@@ -153,6 +157,36 @@ def test_bounds_without_trials_are_those_of_their_page():
     """Fails if `make bench`, which names no trial, measures no bounds, or others than the page's are looked at."""
     page = (PROJECT / "docs/bounds.md").read_text(encoding="utf-8")
     assert all(f"bench_bounds.py {run}`" in page for run in bench_bounds.RUNS)
+
+
+def test_trials_on_photographs_are_run_where_these_are(tmp_path, capsys):
+    """Fails if `make bench` breaks off for want of photographs, leaves them out where they are, or says nothing of it."""
+    project = tmp_path / "project"
+    project.mkdir()
+    assert "real" not in run_benchmarks.trial_counts(project) and run_benchmarks.PHOTOGRAPHS in capsys.readouterr().out
+    (project / run_benchmarks.PHOTOGRAPHS).mkdir(parents=True)
+    counts = yaml.safe_load(run_benchmarks.trial_counts(project).removeprefix("blind_trials="))
+    assert counts["photographs"] == run_benchmarks.PHOTOGRAPHS and capsys.readouterr().out == ""
+    assert {*counts} - {"photographs"} == {*KINDS} and min(counts["none"], counts["real"]) >= 200  # as the aims ask
+
+
+@pytest.mark.parametrize("bench", [bench_photographs, bench_real_boards])
+def test_without_photographs_nothing_is_recorded(tmp_path, monkeypatch, bench):
+    """Fails if figures that stand already are recorded as of today, or a traceback is all that is said."""
+    monkeypatch.setattr(bench, "REAL", tmp_path / "real")
+    monkeypatch.setattr(bench, "record", None)
+    with pytest.raises(SystemExit, match="needs the photographs"):
+        bench.main([])
+
+
+def test_every_benchmark_with_an_aim_is_run():
+    """Fails if `make bench` leaves an aim unmeasured, or names a benchmark that is not there."""
+    files = {path.stem.removeprefix("bench_"): path for path in (PROJECT / "tests/bench").glob("bench_*.py")}
+    figures = record.read_figures(PROJECT / "docs/benchmarks.csv")
+    aims = set(figures.what[figures.aim != ""])
+    measuring = {name for name, path in files.items() if any(f'"{what}"' in path.read_text() for what in aims)}
+    apart = {"fuzz", "kills", "mishaps", "paper", "studies"}  # have commands of their own (Makefile, docs/markers.md)
+    assert measuring - apart <= {*run_benchmarks.SCRIPTS} <= {*files}
 
 
 def test_an_unknown_benchmark_is_refused(capsys):
