@@ -6,9 +6,11 @@ import pandas as pd
 import pytest
 import yaml
 
+import bench_board_cells
 import bench_bounds
 import bench_photographs
 import bench_real_boards
+import bench_size
 import bench_slurm
 import record
 import run_benchmarks
@@ -168,6 +170,16 @@ def test_trials_on_photographs_are_run_where_these_are(tmp_path, capsys):
     counts = yaml.safe_load(run_benchmarks.trial_counts(project).removeprefix("blind_trials="))
     assert counts["photographs"] == run_benchmarks.PHOTOGRAPHS and capsys.readouterr().out == ""
     assert {*counts} - {"photographs"} == {*KINDS} and min(counts["none"], counts["real"]) >= 200  # as the aims ask
+
+
+@pytest.mark.parametrize("bench", [bench_board_cells, bench_size])
+@pytest.mark.parametrize(("asked", "status"), [("--help", 0), ("--misspelt", 2)])
+def test_help_measures_nothing(monkeypatch, bench, asked, status):
+    """Fails if asking for help, or an option that is not there, measures and records."""
+    monkeypatch.setattr(bench, "record", None)
+    with pytest.raises(SystemExit) as left:
+        bench.main([asked])
+    assert left.value.code == status
 
 
 @pytest.mark.parametrize("bench", [bench_photographs, bench_real_boards])
