@@ -4,12 +4,18 @@ import subprocess
 
 import pandas as pd
 import pytest
+import yaml
 
+import bench_board_cells
 import bench_bounds
+import bench_photographs
+import bench_real_boards
+import bench_size
 import bench_slurm
 import record
 import run_benchmarks
 from trials.summarise_trials import summary_of
+from trials.trial_names import KINDS
 from workflow_runs import PROJECT, numbers_of
 
 
@@ -30,11 +36,13 @@ def test_the_page_is_what_the_table_makes():
     assert (PROJECT / "docs/benchmarks.md").read_text(encoding="utf-8") == record.page_of(figures)
 
 
-def test_every_row_of_a_benchmark_is_one_that_it_records():
-    """Fails if a benchmark calls a figure otherwise than the table: it would stand there twice, once without its aim."""
-    texts = [path.read_text(encoding="utf-8") for path in (PROJECT / "tests/bench").glob("*.py")]
+def test_every_row_of_a_benchmark_or_with_an_aim_is_one_that_is_recorded():
+    """Fails if a figure is recorded under another name than the table's: it would stand there twice, once without its aim."""
+    recording = [*(PROJECT / "tests/bench").glob("*.py"), PROJECT / "scripts/trials/summarise_trials.py"]
+    texts = [path.read_text(encoding="utf-8") for path in recording]
     figures = record.read_figures(PROJECT / "docs/benchmarks.csv")
-    told = figures[figures.command.str.startswith("python tests/bench/")]
+    by_hand = figures.command.str.startswith("time make") | figures.figure.str.startswith("not made")
+    told = figures[figures.command.str.startswith("python tests/bench/") | ((figures.aim != "") & ~by_hand)]
     assert len(told) and [what for what in told.what if not any(f'"{what}"' in text for text in texts)] == []
 
 
@@ -65,6 +73,13 @@ def test_a_first_measurement_fills_the_row_that_waits_for_it():
 def test_a_figure_that_the_table_lacks_is_added_at_its_end():
     """Fails if it is dropped, or takes the place of another."""
     assert record.upsert(table(row("blur", "a")), [row("noise", "a")]).what.tolist() == ["blur", "noise"]
+
+
+def test_a_new_command_takes_the_aim_of_its_figure():
+    """Fails if what `make bench` measures stands without the aim that another command's row of the same name has."""
+    old = table(row("blur", "by hand"), row("blur", "a", aim="at most 2 px"), row("edges", "a", aim="0"))
+    measured = [{k: v for k, v in row(what, "b").items() if k != "aim"} for what in ("blur", "noise")]
+    assert record.upsert(old, measured).aim.tolist() == ["", "at most 2 px", "0", "at most 2 px", ""]
 
 
 def test_what_nobody_measured_is_said_on_the_page():
@@ -122,7 +137,7 @@ def outcome(folder):
     single = [
         {"kind": "single", "hidden": "a", "named": "a", "first_right": k > 0, "set_right": False} for k in range(10)
     ]
-    nothing = [{"kind": "none", "hidden": "", "named": "", "p": p} for p in (0.2, 0.4, 0.6, 0.8)]
+    nothing = [{"kind": "none", "hidden": "", "named": ""} for _ in range(4)]
     trials = pd.DataFrame(single + nothing).assign(strength=1.0, verdict="adequate", gap=0.9, said_unseen=False)
     parameters = pd.DataFrame({"inside_95": [True] * 7 + [False], "miss": [0.1 * k for k in range(1, 8)] + [2.5]})
     summary_of(trials, parameters).to_csv(folder / "summary.csv", index=False)
@@ -135,8 +150,7 @@ def test_outcomes_of_blind_trials_become_figures(tmp_path):
     figures = {what: (figure, unit) for what, figure, unit in run_benchmarks.trial_figures(tmp_path)}
     assert figures["single effects: the right one first"] == ("9 of 10 (60 to 98 %)", "")
     assert figures["stated 95 % intervals that hold the truth"] == ("7 of 8 (53 to 98 %)", "")
-    assert figures["median miss"] == ("0.45 (0.1 to 2.5)", "standard errors")
-    assert figures["nothing hidden: p-values uniform (KS)"] == ("0.99", "p")
+    assert figures["stated errors: median miss"] == ("0.45 (0.1 to 2.5)", "standard errors")
     assert figures["a quarter of the clear strength: named alone"] == ("1 of 2", "")
     assert not [what for what in figures if what.startswith("two effects")]
 
@@ -145,6 +159,46 @@ def test_bounds_without_trials_are_those_of_their_page():
     """Fails if `make bench`, which names no trial, measures no bounds, or others than the page's are looked at."""
     page = (PROJECT / "docs/bounds.md").read_text(encoding="utf-8")
     assert all(f"bench_bounds.py {run}`" in page for run in bench_bounds.RUNS)
+
+
+def test_trials_on_photographs_are_run_where_these_are(tmp_path, capsys):
+    """Fails if `make bench` breaks off for want of photographs, leaves them out where they are, or says nothing of it."""
+    project = tmp_path / "project"
+    project.mkdir()
+    assert "real" not in run_benchmarks.trial_counts(project) and run_benchmarks.PHOTOGRAPHS in capsys.readouterr().out
+    (project / run_benchmarks.PHOTOGRAPHS).mkdir(parents=True)
+    counts = yaml.safe_load(run_benchmarks.trial_counts(project).removeprefix("blind_trials="))
+    assert counts["photographs"] == run_benchmarks.PHOTOGRAPHS and capsys.readouterr().out == ""
+    assert {*counts} - {"photographs"} == {*KINDS} and min(counts["none"], counts["real"]) >= 200  # as the aims ask
+
+
+@pytest.mark.parametrize("bench", [bench_board_cells, bench_size])
+@pytest.mark.parametrize(("asked", "status"), [("--help", 0), ("--misspelt", 2)])
+def test_help_measures_nothing(monkeypatch, bench, asked, status):
+    """Fails if asking for help, or an option that is not there, measures and records."""
+    monkeypatch.setattr(bench, "record", None)
+    with pytest.raises(SystemExit) as left:
+        bench.main([asked])
+    assert left.value.code == status
+
+
+@pytest.mark.parametrize("bench", [bench_photographs, bench_real_boards])
+def test_without_photographs_nothing_is_recorded(tmp_path, monkeypatch, bench):
+    """Fails if figures that stand already are recorded as of today, or a traceback is all that is said."""
+    monkeypatch.setattr(bench, "REAL", tmp_path / "real")
+    monkeypatch.setattr(bench, "record", None)
+    with pytest.raises(SystemExit, match="needs the photographs"):
+        bench.main([])
+
+
+def test_every_benchmark_with_an_aim_is_run():
+    """Fails if `make bench` leaves an aim unmeasured, or names a benchmark that is not there."""
+    files = {path.stem.removeprefix("bench_"): path for path in (PROJECT / "tests/bench").glob("bench_*.py")}
+    figures = record.read_figures(PROJECT / "docs/benchmarks.csv")
+    aims = set(figures.what[figures.aim != ""])
+    measuring = {name for name, path in files.items() if any(f'"{what}"' in path.read_text() for what in aims)}
+    apart = {"fuzz", "kills", "mishaps", "paper", "studies"}  # have commands of their own (Makefile, docs/markers.md)
+    assert measuring - apart <= {*run_benchmarks.SCRIPTS} <= {*files}
 
 
 def test_an_unknown_benchmark_is_refused(capsys):

@@ -4,6 +4,7 @@ Ten photographs of a drawn board, in a light of each one's own, by the generator
 each effect that can be told from single photographs. All such effects of the library compete.
 """
 
+import argparse
 import sys
 import time
 from pathlib import Path
@@ -36,8 +37,11 @@ def named(effects, seed):
     return sorted(step.effect for step in outcome.steps), time.process_time() - start
 
 
-def main(seed):
-    """Diagnose all, print each, record the sums."""
+def main(argv=None):
+    """Read the command line, diagnose all, print each, record the sums."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("seed", nargs="?", default="larch", metavar="SEED")
+    seed = parser.parse_args(argv).seed
     alone, both, took = 0, 0, []
     for k in range(ALONE):
         found, seconds = named([NOISE], f"{seed}/{k}")
@@ -62,4 +66,4 @@ def main(seed):
 
 
 if __name__ == "__main__":
-    main(sys.argv[1] if len(sys.argv) > 1 else "larch")
+    main()

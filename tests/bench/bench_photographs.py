@@ -115,8 +115,17 @@ def run_time():
 
 BENCHES = {"jpeg": jpeg, "time": run_time}
 
-if __name__ == "__main__":
+
+def main(argv=None):
+    """Read the command line and run what is named."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", choices=[*BENCHES, []], metavar="NAME", help=", ".join(BENCHES))
-    for name in parser.parse_args().names or BENCHES:
+    names = parser.parse_args(argv).names or BENCHES
+    if not REAL.is_dir():
+        raise SystemExit(f"needs the photographs of {REAL}")
+    for name in names:
         BENCHES[name]()
+
+
+if __name__ == "__main__":
+    main()

@@ -329,11 +329,13 @@ def with_row(table, row):
     return pd.concat([table[table.set != row["set"]], pd.DataFrame([row])]).astype(str).sort_values("set")
 
 
-def main():
+def main(argv=None):
     """Read the command line, diagnose, write, record."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", metavar="SET")
-    given = parser.parse_args()
+    given = parser.parse_args(argv)
+    if not REAL.is_dir():
+        raise SystemExit(f"needs the photographs of {REAL}")
     logging.disable()
     for name in given.names or board_sets():
         with tempfile.TemporaryDirectory() as folder:

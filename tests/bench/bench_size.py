@@ -1,5 +1,6 @@
 """How large the diagnosis is: ``python tests/bench/bench_size.py`` counts its lines and its bounds and records them (record.py)."""
 
+import argparse
 import re
 
 from record import ROOT, record
@@ -18,7 +19,10 @@ def bounds_of(project):
     return len(BOUND.findall((project / "docs/method.md").read_text(encoding="utf-8")))
 
 
-if __name__ == "__main__":
+def main(argv=None):
+    """Read the command line, count, record."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.parse_args(argv)
     lines, bounds = lines_of(ROOT), bounds_of(ROOT)
     print(f"scripts/gap and the diagnose scripts: {lines} lines; bounds that decide a name or a verdict: {bounds}")
     record(
@@ -27,3 +31,7 @@ if __name__ == "__main__":
             ("thresholds that decide a name or a verdict", bounds, "bounds"),
         ]
     )
+
+
+if __name__ == "__main__":
+    main()

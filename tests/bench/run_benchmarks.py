@@ -16,11 +16,14 @@ from record import ROOT, as_text, record, write_page
 HERE = Path(__file__).resolve().parent
 SCRIPTS = [
     "size", "growth", "geometry", "render", "repeatability", "diagnose", "whole_cameras", "score_test", "bounds",
-    "calibration", "detectors", "moving",
+    "calibration", "detectors", "moving", "hard_images", "marker_types", "next_station", "board_cells", "floors",
+    "photographs", "real_boards",
 ]  # fmt: skip
 BLIND_TRIALS = "blind_trials"
 TRIALS = ROOT / "results/blind_trials"
-TRIAL_COUNTS = "blind_trials={single: 174, pair: 60, none: 100, outside: 60, power: 87, whole: 60}"
+TRIAL_COUNTS = "single: 174, pair: 60, none: 200, outside: 60, power: 87, whole: 60"
+PHOTOGRAPHS = "../shared/real"
+REAL_COUNTS = f", real: 200, photographs: {PHOTOGRAPHS}"
 TRIALS_COMMAND = "snakemake --cores 2 blind_trials"
 WEAK = "0.25"  # the strength, a column of power.csv
 
@@ -30,9 +33,17 @@ def run_script(name):
     return subprocess.run([sys.executable, str(HERE / f"bench_{name}.py")], check=False).returncode != 0
 
 
+def trial_counts(project=ROOT):
+    """Return how many blind trials of each kind to run, those on real photographs only where these lie beside the project."""
+    if (project / PHOTOGRAPHS).is_dir():
+        return f"blind_trials={{{TRIAL_COUNTS}{REAL_COUNTS}}}"
+    print(f"no trials on real photographs: there is no {PHOTOGRAPHS}", flush=True)
+    return f"blind_trials={{{TRIAL_COUNTS}}}"
+
+
 def run_blind_trials():
     """Run the blind trials and record their outcome; return whether they failed."""
-    arguments = ["-m", "snakemake", "--quiet", "all", "--cores", "2", "blind_trials", "--config", TRIAL_COUNTS]
+    arguments = ["-m", "snakemake", "--quiet", "all", "--cores", "2", "blind_trials", "--config", trial_counts()]
     if subprocess.run([sys.executable, *arguments], cwd=ROOT, check=False).returncode != 0:
         return True
     print((TRIALS / "summary.md").read_text())
