@@ -1,7 +1,7 @@
 """What photographs of a board cannot tell, and which further ones would: from the information that they hold.
 
-Nothing is fitted: a twin says what photographs would show that nobody has taken yet. What each photograph has for itself, a pose
-(OfPoints) or a light (gap.needs_of_cells), is free in all of them.
+But for other effects in a name's place nothing is fitted: a twin says what photographs would show that nobody has taken yet. What
+each photograph has for itself, a pose (OfPoints) or a light (gap.needs_of_cells), is free in all of them.
 """
 
 from copy import copy
@@ -11,6 +11,7 @@ import numpy as np
 
 from effects import library
 from gap.derivatives import POSE_STEP, flat
+from gap.exchange import as_good_instead
 from gap.instructions import FURTHER, MORE, PLACES, TURNS
 from gap.parameters import fitted_parameters, get_parameter, priors_of, small_step, spec, with_parameters
 from gap.search import MIN_GAIN
@@ -26,20 +27,23 @@ def cannot_tell(search, twin, names):
     """Return (hidden, alike, needs) of a fitted Twin of a board's points and the effects that compete.
 
     hidden  [effect]: of those that the twin has not, what would stay unseen at the amount that is worth naming
-    alike   {effect of the twin: [others]} that would do as well in its place: MIN_GAIN of loss does not lie between them
+    alike   {effect of the twin: [others]} that would do as well in its place: MIN_GAIN of loss does not lie between them, to
+            first order, or when they are fitted there: what a form leaves open may hide what would tell them apart
     needs   [{"effect", "text"}]: of hidden ones and of the others of ``alike``, what further photographs would show them
     """
     told = Told(search, twin, names)
     hidden = told.hidden()
     named = [n for n in twin.names if n in names and not is_flexible(n) and not search.is_fixed(n)]
-    alike = {n: [o for o in told.others if told.apart(n, o) < MIN_GAIN] for n in named}
+    nulls = [(o, library.nulls_of(o)) for o in told.others]
+    as_good = {n: as_good_instead(search, twin, n, nulls) for n in named}
+    alike = {n: [o for o in told.others if o in as_good[n] or told.apart(n, o) < MIN_GAIN] for n in named}
     alike = {n: others for n, others in alike.items() if others}
     told = told.of_fewer({*hidden, *(o for others in alike.values() for o in others)})
     needs = told.needs(hidden)
     for n, others in alike.items():
-        needs += [
-            told.need(o, f" from {plain(n)}", MIN_GAIN, lambda more, n=n, o=o: told.apart(n, o, more)) for o in others
-        ]
+        for o in others:
+            enough = MIN_GAIN + (told.apart(n, o) if o in as_good[n] else 0.0)  # what is there has not told
+            needs.append(told.need(o, f" from {plain(n)}", enough, lambda more, n=n, o=o: told.apart(n, o, more)))
     return hidden, alike, [need for need in needs if need]
 
 

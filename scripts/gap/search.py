@@ -280,11 +280,11 @@ class Search:
         At its null where a Candidate ``lead`` leaves much less open in a few captures.
         """
         free = self.free([(effect, library.nulls_of(effect))])
-        start = self.start(twin, effect, free, lead)
+        with_twin = [] if self.problem.draws else self.free(twin.effects)  # what costs nothing is always refitted
+        start = self.start(twin, effect, free + with_twin, lead)
         if start is None:
             return self.null_candidate(twin, effect)
-        beside = beside if self.problem.draws else self.free(twin.effects)  # what costs nothing is always refitted
-        free += beside
+        free += with_twin or beside
         end = self.solver.approach(start, free, twin.poses, self.train, 9, SCALE_FROM_START)
         chosen = self.discrete.with_choices(effect, end.state)
         if chosen != end.state.effects:

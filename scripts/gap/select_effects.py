@@ -96,7 +96,8 @@ def _concluded(selection, base, first, before):
     best = None if is_one_enough(rigid) else all_at_once(selection, base, base, [c.effect for c in rigid], before)
     if not best or best.verdict == "unexplained":
         best = _one_by_one(selection, base, rigid, before, best)
-    if best.steps and len(best.steps) < MANY and not is_at_floor(best.twin):  # of many, each was held against others
+    # Of many, each was held against others; where all is told by exact maps, looking costs next to nothing
+    if best.steps and len(best.steps) < MANY and not (is_at_floor(best.twin) and selection.search.problem.draws):
         best = _with_simpler(selection, base, rigid, best, before)
     if best.verdict == "unexplained" and not selection.is_spent():
         best = _with_flexible(selection, base, first, best, before)

@@ -83,3 +83,13 @@ def test_cells_tell_what_points_cannot(tmp_path):
     assert ladder.effect.tolist() == ["ideal", *names] and ladder.gap.is_monotonic_decreasing
     assert ladder.gap.tolist() == pytest.approx([verdict["gap_as_configured"], first["gap_after"], verdict["gap"]])
     assert (ladder.gap_low < ladder.gap).all() and (ladder.gap < ladder.gap_high).all()
+
+
+def test_a_stretch_that_all_photographs_share_is_no_shutter(tmp_path):
+    """Fails if a shutter of four parameters, which reaches the floor by itself, takes the name of rows of another length beside a
+    lens, or what only a rolled camera would tell is told.
+    """
+    verdict, _, _ = verdict_on(shared("real/chess_picam_640"), tmp_path)
+    first = verdict["steps"][0]
+    assert first["effect"] != "rolling_shutter" and {"pixel_aspect", "print_stretch"} < set(first["one_of"])
+    assert "to tell pixel aspect from print stretch: roll the camera" in " ".join(n["text"] for n in verdict["needs"])
