@@ -1,7 +1,8 @@
 """Trials on real photographs: of a campaign of a board every other photograph is the baseline, and on the rest an effect is laid,
-or none.
+or none. ``python scripts/trials/real_trials.py FOLDER`` prints which effects can be laid on which campaign of a folder.
 """
 
+import argparse
 import csv
 import json
 import re
@@ -13,7 +14,9 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests/bench")]
 
 import cv2
+import pandas as pd
 
+import job
 from generator import draw_effect, nominal
 from generator.photographs import LAID_ON, Retaken, is_in_colour, why_not_laid
 from inputs.campaign import load_campaign
@@ -81,6 +84,19 @@ def drawn_effect(name, strength, camera, seed_name):
     raise AssertionError(f"{name}: no draw can be laid on")
 
 
+def what_is_laid_on(folder):
+    """Return a DataFrame of a folder's campaigns: campaign, photographs, laid_on: which effects can be, or why none is."""
+    found, refused = sources_in(folder)
+    rows = [[name, "", f"none: {why}"] for name, why in refused.items()]
+    for source in found:
+        in_colour = any(is_in_colour(red_first(source.folder / row["image"])) for row in source.captures)
+        names = [n for n in LAID_ON if why_not_laid(n, in_colour) is None]
+        left_out = [n for n in LAID_ON if n not in names]
+        words = f"all {len(names)}" if in_colour else f"{len(names)}, grey: not {', '.join(left_out)}"
+        rows.append([source.folder.name, str(len(source.captures)), words])
+    return pd.DataFrame(rows, columns=["campaign", "photographs", "laid_on"]).sort_values("campaign", ignore_index=True)
+
+
 def generate_real_trial(out, truths, folder, index, seed, effect=None, strength=None):
     """Write two campaigns, ``out``/NAME/baseline and ``out``/NAME/changed, and what is laid on below ``truths``; return NAME.
 
@@ -132,3 +148,16 @@ def _write_campaign(folder, source, name, images):
     text = re.sub(r"^name:.*$", f"name: {name}", text, count=1, flags=re.M)
     text = re.sub(r"^captures:.*$", "captures: captures.csv", text, count=1, flags=re.M)
     (folder / "campaign.yaml").write_text(text, encoding="utf-8")
+
+
+def main():
+    """Read the command line and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder")
+    with job.one_message():
+        table = what_is_laid_on(parser.parse_args().folder)
+        print(table.to_markdown(index=False))
+
+
+if __name__ == "__main__":
+    main()

@@ -6,7 +6,8 @@ import pytest
 from generator import LIBRARY, nominal
 from generator.photographs import LAID_ON, MAX_SHIFT_PX, MOVES_POINTS, Retaken, decode, why_not_laid
 from generator.sensor import encode
-from trials.real_trials import NULLS, drawn_effect, laid_effect
+from shared_files import shared
+from trials.real_trials import NULLS, drawn_effect, laid_effect, what_is_laid_on
 
 CAMERA = nominal.Camera("c", 160, 120, 160.0)
 SPOT = np.array([120.0, 40.0])
@@ -84,3 +85,11 @@ def test_what_cannot_be_laid_on_is_refused_in_words():
     assert "no effect" in why_not_laid("nonsense", True)
     assert all(why_not_laid(n, True) is None for n in MOVES_POINTS)
     assert sum(why_not_laid(n, True) is None for n in LIBRARY) == 21
+
+
+def test_what_can_be_laid_on_each_set_is_listed():
+    """Fails if colours are laid on grey photographs, or a set that is too small is left out without a word."""
+    listed = what_is_laid_on(shared("real")).set_index("campaign").laid_on
+    assert listed["chess_studio_control"] == f"all {len(LAID_ON)}"
+    assert listed["chess_opencv_left"].startswith(f"{len(LAID_ON) - 3}, grey: not ")
+    assert listed["charuco_screen_wide"] == "none: 9 photographs, and 12 are needed"
