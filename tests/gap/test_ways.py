@@ -113,7 +113,7 @@ def test_what_closes_little_of_a_gap_that_stays_open_gets_no_name(monkeypatch, a
     """Fails if a step that closes a sixth, or a third, of the excess keeps its name though the gap is open, or if one that
     closes most of it, or its own group, loses it.
     """
-    problem = SimpleNamespace(floor_within=1.0, is_board=False)
+    problem = SimpleNamespace(floor_within=1.0, is_board=False, draws=True)
     selection = SimpleNamespace(search=SimpleNamespace(problem=problem), is_spent=lambda: True)
     base, twin = twin_with_excess(levels=60.0, edges=40.0), twin_with_excess(**after)
     step = Step("exposure", twin, (), (), "levels")
@@ -130,7 +130,7 @@ def test_many_are_fitted_together_only_where_one_leaves_something(monkeypatch, l
     """Fails if a single effect that leaves nothing costs a search for many, or if what it leaves is not looked into."""
     base, asked = twin_with_excess(levels=60.0, edges=40.0), []
     one = Candidate("lens_blur", {"sigma_px": 1.0}, twin_with_excess(**left), True, gain=1000.0)
-    problem = SimpleNamespace(floor_within=1.0, is_board=False)
+    problem = SimpleNamespace(floor_within=1.0, is_board=False, draws=True)
     outcome = outcome_of(problem, [], [], base, base.excess)
     monkeypatch.setattr(select_effects, "all_at_once", lambda *a: asked.append(a))
     monkeypatch.setattr(select_effects, "_one_by_one", lambda *_: outcome)
