@@ -81,3 +81,9 @@ def detector_code(wildcards):
 def finder_code(wildcards):
     """Return the code of the detectors that find the rig's markers where OpenCV can't, whatever is configured."""
     return code_of_detectors(FINDERS.values())
+
+
+def every_finder_code(wildcards):
+    """Return the code of detectors that may find what OpenCV can't, of a rig not known yet: they say which families they read."""
+    names = contract.available()
+    return code_of_detectors(n for n in names if hasattr(contract.load(n), "reads"))
