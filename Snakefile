@@ -17,6 +17,11 @@ configfile: "config/config.default.yaml"
 
 
 include: "rules/common.smk"
+include: "rules/captures.smk"
+include: "rules/twins.smk"
+include: "rules/code.smk"
+include: "rules/resources.smk"
+include: "rules/studies.smk"
 
 
 rule all:

@@ -51,6 +51,8 @@ rule observe_trial:
         campaign=f"{TRIALS_FOLDER}/campaigns/{{trial}}",
         script="scripts/trials/observe_trial.py",
         code=imports_of("trials/observe_trial.py"),
+        finder_code=every_finder_code,
+        effect_code=code_of_effects(effects_that_look()),
     output:
         directory(f"{TRIALS_FOLDER}/observations/{{trial}}"),
     log:

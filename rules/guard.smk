@@ -1,7 +1,7 @@
 """Guard: what is looked at before the first job and after the last one.
 
-Needs: the names of rules/common.smk. Makes: nothing. Results that can't be written and captures that changed while the run was
-under way end it with one message; what a killed run left half written is removed.
+Needs: the names of rules/common.smk and rules/captures.smk. Makes: nothing. Results that can't be written and captures that
+changed while the run was under way end it with one message; what a killed run left half written is removed.
 """
 
 from run_guard import check_unchanged, check_writable, remove_unfinished, stamp

@@ -1,4 +1,4 @@
-"""No Python file is too long to be read in one go."""
+"""No file of Python or of rules is too long to be read in one go."""
 
 import pytest
 
@@ -8,8 +8,9 @@ MAX_LINES = 400
 
 
 def too_long(project):
-    """Return the Python files (relative paths) of scripts/, notebooks/ and tests/ with more than MAX_LINES lines."""
+    """Return the files (relative paths) of Python in scripts/, notebooks/ and tests/, and of rules, of over MAX_LINES lines."""
     files = [path for folder in ("scripts", "notebooks", "tests") for path in (project / folder).rglob("*.py")]
+    files += [project / "Snakefile", *(project / "rules").rglob("*.smk")]
     return {
         path.relative_to(project).as_posix()
         for path in files
@@ -24,8 +25,9 @@ def test_no_file_has_more_lines_than_one_can_read():
 
 @pytest.mark.parametrize("lines", [MAX_LINES, MAX_LINES + 1])
 def test_a_file_is_too_long_from_the_first_line_beyond_the_limit(tmp_path, lines):
-    """Fails if lines are miscounted by one, or a folder is left out."""
-    for folder in ("scripts/gap", "notebooks", "tests/rig"):
-        (tmp_path / folder).mkdir(parents=True)
-        (tmp_path / folder / "long.py").write_text("pass\n" * lines)
-    assert len(too_long(tmp_path)) == (0 if lines == MAX_LINES else 3)
+    """Fails if lines are miscounted by one, or a folder or the Snakefile is left out."""
+    files = ("scripts/gap/long.py", "notebooks/long.py", "tests/rig/long.py", "rules/long.smk", "Snakefile")
+    for file in files:
+        (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / file).write_text("pass\n" * lines)
+    assert too_long(tmp_path) == (set() if lines == MAX_LINES else set(files))

@@ -124,6 +124,18 @@ def test_an_effects_edit_reruns_the_verdict_on_markers_and_no_twin(project):
 
 
 @pytest.mark.parametrize(
+    ("module", "observed"),
+    [("effects/jpeg_compression", 2), ("detectors/stag", 2), ("effects/lens_blur", 0), ("detectors/bart/__init__", 0)],
+)
+def test_an_edit_of_what_looks_at_captures_reruns_trials_observations(project, module, observed):
+    """Fails if what trials measured outlives an effect that reads starts off captures, or a finder; if other edits rerun it."""
+    with edited(project / f"scripts/{module}.py", '"""', '"""Edited. '):
+        plan = planned(project, "blind_trials", "--config", "campaign=markers", *TRIALS)
+    assert plan.get("observe_trial", 0) == observed
+    assert plan.get("diagnose_trial", 0) == (0 if "bart" in module else 2)
+
+
+@pytest.mark.parametrize(
     ("module", "jobs"),
     [
         ("inputs/safe_yaml.py", {"trace_moving": 1, "render_moving": 6, "detect_moving": 4}),
