@@ -17,7 +17,7 @@ from inputs import tables
 from inputs.baseline import MIN_CAPTURES
 from inputs.campaign import Board, inside
 from inputs.images import read_image
-from inputs.photo_facts import focal_px, photo_facts
+from inputs.photo_facts import a_few, focal_px, photo_facts
 from inputs.safe_yaml import load_yaml, validation_message
 from register import calibration
 from register.board_checks import MIN_PHOTOGRAPHS, check_photographs, check_tilt
@@ -144,9 +144,9 @@ def opener(campaign, captures):
 
 
 def exif_focal_px(campaign, captures, size):
-    """Return the focal length in pixels by the EXIF of a camera's first photograph, None where it says nothing."""
-    focal_35mm = photo_facts(Path(campaign) / captures.image.iloc[0])["focal_35mm"]
-    return focal_px(focal_35mm, size) if focal_35mm else None
+    """Return the focal length in pixels by the EXIF of a few of a camera's photographs, None where these say nothing."""
+    said = (photo_facts(Path(campaign) / image)["focal_35mm"] for image in a_few(captures.image.tolist()))
+    return next((focal_px(focal_35mm, size) for focal_35mm in said if focal_35mm), None)
 
 
 def register_captures(

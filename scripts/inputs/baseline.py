@@ -5,7 +5,7 @@ from pathlib import Path
 
 from inputs.campaign import load_campaign
 from inputs.images import check_captures
-from inputs.photo_facts import photo_facts
+from inputs.photo_facts import a_few, photo_facts
 from rig.errors import InputError
 
 MIN_CAPTURES = 5  # of a camera, in either campaign
@@ -88,7 +88,7 @@ def _check_makers(campaign, baseline, camera):
     paths = [
         [c.folder / image for image in c.captures.image[c.captures.camera == camera]] for c in (campaign, baseline)
     ]
-    if not _are_others(*(makers_of(some[:1]) for some in paths)):  # to look into all files takes long, of PNG most
+    if not _are_others(*(makers_of(a_few(some)) for some in paths)):  # to look into all files takes long, of PNG most
         return
     mine, other = map(makers_of, paths)
     if _are_others(mine, other):

@@ -37,6 +37,11 @@ MM_OF_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}  # of EXIF's resolution in the 
 NOT_SAID = 0  # what EXIF writes into a number that is unknown
 
 
+def a_few(paths):
+    """Return the first, the middle and the last of some paths: one that was edited has lost what the others say."""
+    return [paths[k] for k in sorted({0, len(paths) // 2, len(paths) - 1})]
+
+
 def photo_facts(path):
     """Return a dict of what an image file says of itself, None where it says nothing or nothing that can be believed.
 

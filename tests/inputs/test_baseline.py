@@ -95,6 +95,8 @@ def test_a_camera_that_files_say_is_another_is_refused(now, tmp_path):
     taken_with(now.folder, *[("Maker", "Phone 3")] * 5)
     message = refused(now, taken_with(campaign(tmp_path / "a"), *[("Maker", "Phone 4")] * 5))
     assert "another camera, Maker Phone 4, than those of" in message and "Maker Phone 3;" in message
+    edited = taken_with(campaign(tmp_path / "c"), (None, None), *[("Maker", "Phone 4")] * 4)
+    assert "another camera, Maker Phone 4, than" in refused(now, edited)  # the first says nothing any more
     assert "another camera, Other, than" in refused(now, taken_with(campaign(tmp_path / "b"), *[("Other", None)] * 5))
 
 

@@ -2,6 +2,7 @@
 
 import cv2
 import numpy as np
+import pandas as pd
 import pytest
 from PIL import Image
 from PIL.ExifTags import IFD, Base
@@ -9,6 +10,7 @@ from PIL.ExifTags import IFD, Base
 from inputs.photo_facts import focal_px, photo_facts
 from register.boards import BoardPoints
 from register.calibration import ideal_intrinsics, ideal_pinhole
+from register_captures import exif_focal_px
 from rig.geometry import camera_matrix
 
 SIZE, TELE_PX = (1280, 960), 20_000.0
@@ -68,3 +70,14 @@ def test_a_sensors_size_tells_what_is_not_said(tmp_path, changes, expected):
     if not changes:
         assert focal_px(facts["focal_35mm"], (600, 400)) == pytest.approx(50.0 / 22.5 * 600, rel=0.002)
     assert facts["notes"] == ""
+
+
+def test_a_photograph_that_was_edited_does_not_silence_the_others(tmp_path):
+    """Fails if the focal length is asked of the first file alone, which has lost what the others say."""
+    exif = Image.Exif()
+    exif.get_ifd(IFD.Exif).update(SAID | {Base.FocalLengthIn35mmFilm: 75})
+    for name, kept in (("a.jpg", None), ("b.jpg", exif), ("c.jpg", exif)):
+        Image.new("RGB", (600, 400)).save(tmp_path / name, **({"exif": kept} if kept else {}))
+    captures = pd.DataFrame({"image": ["a.jpg", "b.jpg", "c.jpg"]})
+    assert exif_focal_px(tmp_path, captures, (600, 400)) == pytest.approx(focal_px(75.0, (600, 400)))
+    assert exif_focal_px(tmp_path, captures.iloc[:1], (600, 400)) is None
