@@ -14,6 +14,7 @@ import pandas as pd
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from calibrations.formats import read_calibration
+from inputs.images import check_is_no_file
 from inputs.rows import number, read_rows
 from inputs.safe_yaml import LONGEST_SHOWN, load_yaml, validation_message
 from markers.contract import count_of, least_plate
@@ -371,6 +372,7 @@ def load_campaign(folder):
     folder = Path(folder)
     if re.search(r"[{}\n\r]", str(folder)):
         raise InputError(f"{str(folder)!r}: braces and line ends are not allowed in a campaign's path")
+    check_is_no_file(folder)
     if not folder.is_dir():
         raise InputError(f"{folder}: no such campaign folder{_dvc_hint(folder)}")
     path = inside(folder, "campaign.yaml", f"{folder}: campaign.yaml")

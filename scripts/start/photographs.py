@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 from tqdm import tqdm
 
-from inputs.images import read_header, read_image
+from inputs.images import check_is_no_file, read_header, read_image
 from inputs.photo_facts import photo_facts
 from register.boards import grey_8bit
 from rig.errors import InputError
@@ -41,6 +41,7 @@ def look_through(folder):
     Raises InputError where there is nothing to look at.
     """
     folder = Path(folder)
+    check_is_no_file(folder)
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder")
     files = sorted(p for p in folder.rglob("*") if p.suffix.lower() in ENDINGS and p.is_file())

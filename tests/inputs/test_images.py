@@ -14,6 +14,7 @@ from inputs.campaign import load_campaign
 from inputs.images import check_captures, read_header, read_image
 from rig.errors import InputError
 from shared_files import shared
+from start.photographs import look_through
 from tiny_campaign import lay_down
 
 ORIENTATION = 0x0112  # EXIF's tag
@@ -161,6 +162,19 @@ def test_a_video_is_called_one(tmp_path, name):
     (tmp_path / name).rename(tmp_path / "a.jpg")
     with pytest.raises(InputError, match="a.jpg: a video, and photographs are needed"):
         read_header(tmp_path / "a.jpg")
+
+
+@pytest.mark.parametrize("asked", [load_campaign, look_through])
+def test_a_file_in_a_folders_place_is_called_what_it_is(tmp_path, asked):
+    """Fails if who names a video, or one photograph, where a folder is needed reads that there is no such folder."""
+    (tmp_path / "clip.mp4").write_bytes(b"\0\0\0\x18ftypmp42" + bytes(40))
+    with pytest.raises(InputError, match="clip.mp4: a video, and photographs are needed; save some"):
+        asked(tmp_path / "clip.mp4")
+    cv2.imwrite(str(tmp_path / "one.png"), COLOUR)
+    with pytest.raises(InputError, match="one.png: a file, and its folder is needed"):
+        asked(tmp_path / "one.png")
+    with pytest.raises(InputError, match="none: no such"):
+        asked(tmp_path / "none")
 
 
 def test_a_real_video_is_called_one():

@@ -77,7 +77,7 @@ def test_a_photograph_that_was_edited_does_not_silence_the_others(tmp_path):
     exif = Image.Exif()
     exif.get_ifd(IFD.Exif).update(SAID | {Base.FocalLengthIn35mmFilm: 75})
     for name, kept in (("a.jpg", None), ("b.jpg", exif), ("c.jpg", exif)):
-        Image.new("RGB", (600, 400)).save(tmp_path / name, **({"exif": kept} if kept else {}))
+        Image.new("RGB", (600, 400)).save(tmp_path / name, **({"exif": kept} if kept is not None else {}))
     captures = pd.DataFrame({"image": ["a.jpg", "b.jpg", "c.jpg"]})
     assert exif_focal_px(tmp_path, captures, (600, 400)) == pytest.approx(focal_px(75.0, (600, 400)))
     assert exif_focal_px(tmp_path, captures.iloc[:1], (600, 400)) is None
