@@ -149,7 +149,6 @@ def diagnose_camera(
         search, base, first, outcome = verdict(
             case, configured, competing, fixed, budget, threads, teller(camera), store
         )
-        store.drop_unused()
     except ValueError as why:
         return _write_undiagnosed(
             json.loads((expand / "scene.json").read_text()), camera, str(why), out, out_ladder, out_gaps

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 import job
-from effects import pipeline
+from effects import library, pipeline
 from effects.base import View
 from effects.library import effect_named
 from gap.capture_light import photograph_light
@@ -84,8 +84,9 @@ def board_part(points, size):
     return slice(y0, y1), slice(x0, x1)
 
 
-def in_its_light(twin, photograph, facts, scene, points):
-    """Return the image of a ``twin`` (function of what gives a render its light) in a photograph's (H, W, 3) own light.
+def in_its_light(twin, effects, photograph, facts, scene, points):
+    """Return the image of a ``twin`` (function of what gives a render its light) in a photograph's (H, W, 3) own light, behind
+    its effects [(name, parameters)].
 
     In the nominal light where a campaign's ``facts`` leave nothing open, or too little of the board is seen.
     """
@@ -95,10 +96,13 @@ def in_its_light(twin, photograph, facts, scene, points):
         return twin(lambda radiance, view: in_own_light(radiance, light, view, place))
 
     lut = encoding_table(facts["encoding"], float(facts["exposure"]))
+    behind = lit if library.change_levels(effects) else None
     try:
-        return lit(photograph_light(photograph, scene, points.board, points.image, lut, free, lit))
+        if free.any():
+            return lit(photograph_light(photograph, scene, points.board, points.image, lut, free, behind))
     except ValueError:
-        return twin(lambda radiance, view: radiance)
+        pass  # too little of the board is seen
+    return twin(lambda radiance, view: radiance)
 
 
 def draw_board_example(expand, register_csv, register_json, manifest, campaign, camera, verdict, out):
@@ -142,7 +146,9 @@ def _images(facts, register_json, manifest, record, expand, campaign, camera, ro
 
     def image_of(effects):
         moved = registered_view(view, points, effects)
-        return in_its_light(lambda lit: drawn(radiance, margin, view, moved, effects, lit), real, facts, scene, points)
+        return in_its_light(
+            lambda lit: drawn(radiance, margin, view, moved, effects, lit), effects, real, facts, scene, points
+        )
 
     drawn_twins = [image_of(effects) for effects in twins]
     part = board_part(points, size)

@@ -15,9 +15,11 @@ import pandas as pd
 
 import job
 from case_files import load_case, load_observations, read_capture
+from effects.base import View
 from inputs import tables
 from inputs.scene import load_scene
 from markers.contract import marker_corners_world
+from register.registration import lens_of
 from reporting.explore_tables import (
     as_js,
     bin_index,
@@ -40,6 +42,7 @@ log = logging.getLogger("twingap")
 CAPTURES_A_FILE = 16  # their markers' numbers, some 10 kB a capture
 SMALL_WIDTH_PX, SMALL_QUALITY = 960, 88  # of images that are shown reduced
 LADDER_NUMBERS = ("corner_rmse_px", "intensity_rmse_dn", "detection_disagreement_pct", "gap")
+POINTS_A_SIDE = 20  # of a board's outline: a lens bends it
 FAR_PX = -(2**15), 2**15 - 1  # beyond any frame: what OpenCV can fill to
 POSE = ["rx", "ry", "rz", "tx", "ty", "tz"]
 
@@ -127,13 +130,18 @@ def rms_between(real, twin, inside=slice(None)):
     return round(float(np.sqrt((off**2).mean())), 3) if off.size else None
 
 
-def board_seen(scene, K, T_cam_world, size):
-    """Return which pixels (H, W) of an image of a size (width, height) show the squares of a scene's board."""
-    plate = scene.plates[0]
+def board_seen(scene, K, T_cam_world, size, effects=()):
+    """Return which pixels (H, W) of an image of a size (width, height) show the squares of a scene's board behind effects
+    [(name, parameters)].
+    """
+    plate, share = scene.plates[0], np.linspace(0, 1, POINTS_A_SIDE)[:, None]
     (x0, x1), (y0, y1) = plate.x_m[[1, -2]], plate.y_m[[1, -2]]
-    corners = project(K, T_cam_world, np.array([[x0, y0, 0], [x1, y0, 0], [x1, y1, 0], [x0, y1, 0]]))
+    corners = np.array([[x0, y0, 0], [x1, y0, 0], [x1, y1, 0], [x0, y1, 0]])
+    outline = np.concatenate([a + share * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)])
+    lens = lens_of(View(K, *size, 0, T_cam_world, "", "", ""), effects)
+    seen = lens(project(K, T_cam_world, outline), T_cam_world)
     mask = np.zeros(size[::-1], np.uint8)
-    return cv2.fillConvexPoly(mask, np.rint(np.clip(corners, *FAR_PX)).astype(np.int32), 1) > 0
+    return cv2.fillPoly(mask, [np.rint(np.clip(seen, *FAR_PX)).astype(np.int32)], 1) > 0
 
 
 def show_ladder(real, name, ladder, folder, image):
@@ -215,7 +223,7 @@ def _corner_rms(plates, twin):
 def write_captures(measured, campaign, twin_folder, camera, K, size, ladder, drawn, board, out):
     """Write images and cells of all captures; some in a file: the page loads them when one of them is asked for.
 
-    ``board`` is the Scene of a board, whose surroundings are not modelled, else None.
+    ``board`` is (Scene, effects as configured) of a board, whose surroundings are not modelled, else None.
     """
     cells = {name: part for name, part in measured.cells.groupby("capture")}
     found = {name: part for name, part in measured.detections.groupby("capture")}
@@ -230,7 +238,7 @@ def write_captures(measured, campaign, twin_folder, camera, K, size, ladder, dra
                 shown = show_ladder(real, row.capture, ladder, out, image)
             else:
                 inside = (
-                    board_seen(board, K, row.T_cam_world, size)
+                    board_seen(board[0], K, row.T_cam_world, size, board[1])
                     if board and row.T_cam_world is not None
                     else slice(None)
                 )
@@ -262,7 +270,8 @@ def explore_camera(
     labels, measured.captures["tilt_bin"] = tilt_bins(measured.captures.tilt_deg)
     ladder, drawn, rungs = None, set(), rungs_of(verdict)
     facts = json.loads((expand / "scene.json").read_text())
-    board = load_scene(expand, register_json) if facts["target"] else None
+    configured = [(e["effect"], e["parameters"]) for e in verdict.get("configured", [])]
+    board = (load_scene(expand, register_json), configured) if facts["target"] else None
     if observations:
         case, _ = load_case(expand, register_json, camera)
         load_observations(observations, case)

@@ -31,7 +31,7 @@ def twins_in_light(expand, register_json, manifest, camera, effects, place):
 
     ``place`` is the BoardPlace of the board. Empty where no effect does: light alone makes the levels then.
     """
-    if all(library.is_pure_geometry(name) for name, _ in effects):
+    if not library.change_levels(effects):
         return {}
     stations = json.loads(Path(manifest).read_text())["stations"]
 

@@ -192,7 +192,8 @@ def register_captures(
         exif_px = None if known else exif_focal_px(campaign, captures, size)
         if known is None and facts["target"] and not folder_views:
             check_tilt(views, fits["5"], f"{campaign}/campaign.yaml: cameras.{camera}", exif_px)
-        inverted = is_inverted(views)
+        if inverted := is_inverted(views):
+            messages.append("the twin's board has its black and white swapped too")
         known = known or calibration.ideal_intrinsics(views, folder_views, size, messages, exif_px)
         K, sigma = camera_matrix(*known), prior_of(facts["tolerance"])
         lens = lens_of(View(K, *size, 0, np.eye(4), camera, "", ""), effects)

@@ -90,6 +90,11 @@ def is_pure_geometry(name):
     return affects(name) == "geometry" and not getattr(effect_named(name), "CHROMATIC", False)
 
 
+def change_levels(effects):
+    """Return whether any of some effects [(name, parameters)] does more to an image than move its points."""
+    return not all(is_pure_geometry(name) for name, _ in effects)
+
+
 def needs_colour(name):
     """Return whether an effect does nothing to be seen in grey images."""
     return any(getattr(effect_named(name), flag, False) for flag in ("CHROMATIC", "MAKES_COLOUR"))

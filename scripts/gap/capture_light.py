@@ -10,7 +10,7 @@ from rig.light import LIGHT, BoardPlace, lit
 from rig.plates import white_cell_at
 
 UNCURVED = 0.05  # prior of the second order: a lamp's light over a board, in logarithms
-DARKEST = 1e-3  # of white, in a first guess
+DARKEST, BRIGHTEST = 1e-3, 0.995  # of full scale: what is beyond is as good as cut off
 FEWEST_POINTS, FEWEST_OF_ORDER = (
     6,
     {1: 0, 2: 12, 3: 24},
@@ -22,9 +22,9 @@ CLEAR_PX = (
 )  # from the nearest edge of a cell: less is blurred; the second where cells are too small for the first
 FEWEST_PLACES = 12  # of white, and of black, that tell a light
 MAX_PLACES = 600  # of each, that are asked
-ROUNDS_BEHIND = 3  # of a light behind a twin's effects
+ROUNDS_BEHIND = 5  # of a light behind a twin's effects
 # How much a place's levels grow with its radiance, both in logarithms, is told where these moved so far, and is in this range
-LEAST_MOVED, ELASTICITY = 0.01, (0.25, 4.0)
+LEAST_MOVED, LONGEST_STEP, ELASTICITY = 0.01, 0.4, (0.25, 20.0)
 SCATTER = 0.02  # of radiance, beyond which a place counts less: dirt, fingers, reflections
 
 
@@ -91,21 +91,31 @@ def photograph_light(image, scene, points, pixels, lut, free, twin=None):
 
 
 def _light_behind(light, shown, made, radiated, fitted):
-    """Return the LIGHT (11,) for which ``made`` (LIGHT -> radiances (n, 3) behind effects) is ``shown``: secants of logarithms.
+    """Return the LIGHT (11,) for which ``made`` (LIGHT -> radiances (n, 3) behind effects) is nearest to ``shown``, from a light.
 
-    radiated: LIGHT -> radiances (n, 3) before the effects; fitted: such radiances -> LIGHT.
+    radiated: LIGHT -> radiances (n, 3) before the effects; fitted: such radiances -> LIGHT. By secants of logarithms, place by
+    place, as long as they come nearer; where black or white is cut off, nothing is told of how levels grow.
     """
-    before, after, elasticity = None, None, 1.0
+    best, nearest, before, after, elasticity = light, np.inf, None, None, 1.0
     for _ in range(ROUNDS_BEHIND):
+        here = made(light)
+        if (off := np.abs(here - shown).mean()) >= nearest:
+            break
+        best, nearest = light, off
         last, before = before, np.log(np.maximum(radiated(light), DARKEST))
-        earlier, after = after, np.log(np.maximum(made(light), DARKEST))
+        earlier, after = after, np.log(np.clip(here, DARKEST, BRIGHTEST))
         if last is not None:
-            grown = np.divide(
-                after - earlier, before - last, out=np.ones_like(after), where=np.abs(before - last) > LEAST_MOVED
+            inside = (np.minimum(after, earlier) > np.log(DARKEST)) & (np.maximum(after, earlier) < np.log(BRIGHTEST))
+            told = inside & (np.abs(before - last) > LEAST_MOVED)
+            elasticity = np.clip(
+                np.divide(after - earlier, before - last, out=np.ones_like(after), where=told), *ELASTICITY
             )
-            elasticity = np.clip(grown, *ELASTICITY)
-        light = fitted(np.exp(before + (np.log(np.maximum(shown, DARKEST)) - after) / elasticity))
-    return light
+        try:
+            step = (np.log(np.clip(shown, DARKEST, BRIGHTEST)) - after) / elasticity
+            light = fitted(np.exp(before + np.clip(step, -LONGEST_STEP, LONGEST_STEP)))
+        except ValueError:  # as good as it gets
+            break
+    return best
 
 
 def board_map(points, pixels):

@@ -28,23 +28,28 @@ def cannot_tell(search, twin, names):
 
     hidden  [effect]: of those that the twin has not, what would stay unseen at the amount that is worth naming
     alike   {effect of the twin: [others]} that would do as well in its place: MIN_GAIN of loss does not lie between them, to
-            first order, or when they are fitted there: what a form leaves open may hide what would tell them apart
+            first order, or, of a MAX_GROUP at most, when they are fitted there: what is left open may hide what tells them apart
     needs   [{"effect", "text"}]: of hidden ones and of the others of ``alike``, what further photographs would show them
     """
     told = Told(search, twin, names)
     hidden = told.hidden()
     named = [n for n in twin.names if n in names and not is_flexible(n) and not search.is_fixed(n)]
-    nulls = [(o, library.nulls_of(o)) for o in told.others]
-    as_good = {n: as_good_instead(search, twin, n, nulls) for n in named}
-    alike = {n: [o for o in told.others if o in as_good[n] or told.apart(n, o) < MIN_GAIN] for n in named}
-    alike = {n: others for n, others in alike.items() if others}
+    apart = {n: {o: told.apart(n, o) for o in told.others} for n in named}
+    alike = {n: [o for o in told.others if apart[n][o] < MIN_GAIN] for n in named}
+    as_good = {n: as_good_instead(search, twin, n, _starts(told.others, alike[n])) for n in named}
+    alike = {n: others for n in named if (others := [*alike[n], *as_good[n]])}
     told = told.of_fewer({*hidden, *(o for others in alike.values() for o in others)})
     needs = told.needs(hidden)
     for n, others in alike.items():
         for o in others:
-            enough = MIN_GAIN + (told.apart(n, o) if o in as_good[n] else 0.0)  # what is there has not told
+            enough = MIN_GAIN + (apart[n][o] if o in as_good[n] else 0.0)  # what is there has not told
             needs.append(told.need(o, f" from {plain(n)}", enough, lambda more, n=n, o=o: told.apart(n, o, more)))
     return hidden, alike, [need for need in needs if need]
+
+
+def _starts(names, known):
+    """Return [(effect, its first start)] of some effects but for known ones."""
+    return [(n, library.nulls_of(n) | library.starts_of(n)[0]) for n in names if n not in known]
 
 
 class OfPoints:

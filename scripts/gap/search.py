@@ -280,11 +280,10 @@ class Search:
         At its null where a Candidate ``lead`` leaves much less open in a few captures.
         """
         free = self.free([(effect, library.nulls_of(effect))])
-        with_twin = [] if self.problem.draws else self.free(twin.effects)  # what costs nothing is always refitted
-        start = self.start(twin, effect, free + with_twin, lead)
+        start = self.start(twin, effect, free, lead)
         if start is None:
             return self.null_candidate(twin, effect)
-        free += with_twin or beside
+        free += beside if self.problem.draws else self.free(twin.effects)  # what costs nothing is always refitted
         end = self.solver.approach(start, free, twin.poses, self.train, 9, SCALE_FROM_START)
         chosen = self.discrete.with_choices(effect, end.state)
         if chosen != end.state.effects:
@@ -303,6 +302,7 @@ class Search:
 
     def start(self, twin, effect, free, lead=None):
         """Return the effects from which a fit of one more starts; None where a Candidate ``lead`` leaves much less open."""
+        free = free if self.problem.draws else free + self.free(twin.effects)
         starts = [[*twin.effects, (effect, start)] for start in self._likely_starts(twin, effect)]
         if len(starts) == 1 and not lead:
             return starts[0]

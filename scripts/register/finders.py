@@ -166,8 +166,7 @@ def board_views(found, board, images, where, messages):
     inverted = sum(v.inverted for v in views.values())
     if inverted:
         messages.append(
-            f"{where}: black and white are swapped in {inverted} of {len(views)} images, whichever way the board is "
-            f"turned; the twin's board is {'swapped too' if is_inverted(views) else 'as described'}"
+            f"{where}: black and white are swapped in {inverted} of {len(views)} images, whichever way the board is turned"
         )
     return points
 

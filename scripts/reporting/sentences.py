@@ -62,14 +62,11 @@ def assumed(scene):
     }
     for_all = ", reflectances for all captures alike," if "reflectance" in left_open else ""
     fitted = f"The diagnosis fits each capture's own{for_all} and blames nothing on them."
-    return [
-        f"{words}the twin's images take {listed(values[key] for key in left_open)}. {fitted}",
-        *hidden_words(left_open),
-    ]
+    return [f"{words}the twin's images take {listed(values[key] for key in left_open)}. {fitted}"]
 
 
 def hidden_words(left_open):
-    """Return a sentence on what hides one another where some is left open, a group each; none where nothing does."""
+    """Return a sentence on what hides one another in photographs of a board, a group each; none where nothing does."""
     groups = "; ".join(listed(group) for group in hidden_groups(left_open))
     return [f"These hide one another, and are told together alone: {groups}."] if groups else []
 
@@ -199,11 +196,11 @@ def change_words(step):
     """Return a change in words, such as ``focal length has changed: ratio from 1.001 to 1.020 ± 0.002``."""
     name = plain(step["effect"]) + or_others(step)
     name += " (or the light is another)" if step.get("like_light") else ""
+    beyond = f", beyond what the {step['beyond']} captures have of it" if "beyond" in step else ""
     parameters = step["parameters"]
     if len(parameters) > MAX_TOLD:
-        return f"{name} has changed ({len(parameters)} parameters)"
+        return f"{name} has changed ({len(parameters)} parameters){beyond}"
     values = (f"{k} from {p['from']:.4g} to {with_error(p['to'], p['se'])}" for k, p in parameters.items())
-    beyond = f", beyond what the {step['beyond']} captures have of it" if "beyond" in step else ""
     return f"{name} has changed: {', '.join(values)}{beyond}"
 
 

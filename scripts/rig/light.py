@@ -66,7 +66,7 @@ def in_own_light(radiance, light, view, place):
 
 
 def hidden_groups(left_open):
-    """Return [[words]] of what hides one another in captures of a campaign that leaves some things open."""
+    """Return [[words]] of what hides one another in photographs of a board of a campaign that leaves some things open."""
     groups = [[words for key, words in group.items() if key is None or key in left_open] for group in HIDE_ONE_ANOTHER]
     return [group for group in groups if len(group) > 1]
 

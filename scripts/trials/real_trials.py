@@ -6,6 +6,7 @@ import argparse
 import csv
 import json
 import re
+import shutil
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +22,7 @@ from generator import draw_effect, nominal
 from generator.photographs import LAID_ON, Retaken, is_in_colour, why_not_laid
 from inputs.campaign import load_campaign
 from inputs.images import read_image
+from inputs.safe_yaml import load_yaml
 from rig.errors import InputError
 from trials.trial_names import BASELINE, CHANGED, identity
 
@@ -64,6 +66,11 @@ def dealt(names, index, *seed):
     return names[order[index % len(names)]]
 
 
+def can_be_laid(in_colour):
+    """Return the names of the effects that can be laid on photographs that are ``in_colour`` or not."""
+    return [n for n in LAID_ON if why_not_laid(n, in_colour) is None]
+
+
 def laid_effect(index, seed, effect=None, in_colour=True):
     """Return the name of what is laid on in trial ``index``, None where nothing is: a third of the trials.
 
@@ -71,7 +78,7 @@ def laid_effect(index, seed, effect=None, in_colour=True):
     """
     if index % NULLS == NULLS - 1:
         return None
-    names = [n for n in LAID_ON if why_not_laid(n, in_colour) is None]
+    names = can_be_laid(in_colour)
     return effect or dealt(names, index - index // NULLS, seed, "laid")
 
 
@@ -90,7 +97,7 @@ def what_is_laid_on(folder):
     rows = [[name, "", f"none: {why}"] for name, why in refused.items()]
     for source in found:
         in_colour = any(is_in_colour(red_first(source.folder / row["image"])) for row in source.captures)
-        names = [n for n in LAID_ON if why_not_laid(n, in_colour) is None]
+        names = can_be_laid(in_colour)
         left_out = [n for n in LAID_ON if n not in names]
         words = f"all {len(names)}" if in_colour else f"{len(names)}, grey: not {', '.join(left_out)}"
         rows.append([source.folder.name, str(len(source.captures)), words])
@@ -145,9 +152,20 @@ def _write_campaign(folder, source, name, images):
         rows.writerow(["capture", "camera", "image"])
         rows.writerows([capture, source.camera, f"{capture}.png"] for capture in images)
     text = (source.folder / "campaign.yaml").read_text(encoding="utf-8")
+    _copy_calibrations(source.folder, folder)
     text = re.sub(r"^name:.*$", f"name: {name}", text, count=1, flags=re.M)
     text = re.sub(r"^captures:.*$", "captures: captures.csv", text, count=1, flags=re.M)
     (folder / "campaign.yaml").write_text(text, encoding="utf-8")
+
+
+def _copy_calibrations(campaign, folder):
+    """Copy to a folder what a campaign's description names, or has by its place: calibrations' files and photographs."""
+    cameras = load_yaml(campaign / "campaign.yaml")["cameras"].values()
+    for name in {camera["intrinsics"].partition("#")[0] for camera in cameras if camera.get("intrinsics")}:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(campaign / name, folder / name)
+    if (campaign / "calibration").is_dir():
+        shutil.copytree(campaign / "calibration", folder / "calibration", dirs_exist_ok=True)
 
 
 def main():

@@ -47,14 +47,15 @@ def read_figures(path):
 def upsert(table, rows):
     """Return the table with rows (dicts; no ``aim``: the old one stays) in place of those of equal what and command.
 
-    A row whose command is not known yet, since nobody has measured it, is replaced by what alone; a new row takes the first
-    aim that its figure has in another command's row.
+    A row whose command is not known yet, since nobody has measured it, is replaced by what alone; a row without an aim takes
+    the first that its figure has in another command's row.
     """
     table = table.copy()
     for row in rows:
         same = (table.what == row["what"]) & table.command.isin([row["command"], ""])
         k = table.index[same][0] if same.any() else len(table)
-        aim = table.aim[k] if same.any() else next(iter(table.aim[(table.what == row["what"]) & (table.aim != "")]), "")
+        aims = table.aim[(table.what == row["what"]) & (table.aim != "")]
+        aim = (table.aim[k] if same.any() else "") or next(iter(aims), "")
         table.loc[k] = [{"aim": aim, **row}[column] for column in COLUMNS]
     return table
 

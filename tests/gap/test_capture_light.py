@@ -62,29 +62,48 @@ def test_what_is_declared_stays(key):
     assert (found[~free] == 0).all() and (found[free] != 0).any()
 
 
-def test_what_a_twin_does_to_levels_is_no_light():
-    """Fails if a vignetting and a glare that a twin has are found again as the photograph's light: both would be shown twice."""
-    image, points, pixels = photograph(24)
-    (height, width), size = image.shape[:2], np.array(image.shape[1::-1])
-    r2 = (((np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1) - size / 2) / size.max() * 2) ** 2).sum(-1)
-
-    def camera(radiance):
-        return 0.1 + 0.9 * (radiance * (1 - 0.5 * r2[..., None])) ** 0.8
-
-    place = BoardPlace(PLATE)
+def twin_of(image, camera):
+    """Return the function LIGHT -> what a camera, itself a function of radiance, makes of the board of ``photograph(24)``."""
+    place, (height, width) = BoardPlace(PLATE), image.shape[:2]
     across, up = ((np.arange(n) + 0.5 - n / 2) / 24 * BOARD.square_m / place.half_size for n in (width, height))
     X, Y = np.meshgrid(across, -up)
-    white = (image[..., 1] > 0.2)[..., None]
+    reflectance = np.where(image[..., 1] > 0.2, WHITE, BLACK)[..., None]
+    return lambda light: camera(lit(reflectance, light, X, Y))
 
-    def twin(light):
-        return camera(lit(np.where(white, WHITE, BLACK), light, X, Y))
 
-    scene, lut = Scene((PLATE,), WHITE, BLACK, 0.3, 0.3), np.linspace(0, 1, 1001)
-    truth, alone, behind = (
-        photograph_light(shown, scene, points, pixels, lut, EVERYTHING, twin=by)
-        for shown, by in ((image, None), (camera(image), None), (camera(image), twin))
-    )
+def lights_of(camera):
+    """Return (twin, its camera's photograph, LIGHTs: as it is, as found without a twin, behind it) of the board."""
+    image, points, pixels = photograph(24)
+    twin, scene, lut = twin_of(image, camera), Scene((PLATE,), WHITE, BLACK, 0.3, 0.3), np.linspace(0, 1, 1001)
+    asked = (image, None), (camera(image), None), (camera(image), twin)
+    lights = [photograph_light(shown, scene, points, pixels, lut, EVERYTHING, by) for shown, by in asked]
+    return twin, camera(image), *lights
+
+
+def test_what_a_twin_does_to_levels_is_no_light():
+    """Fails if a vignetting and a glare that a twin has are found again as the photograph's light: both would be shown twice."""
+    height, width, _ = photograph(24)[0].shape
+    r2 = (
+        ((np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1) - [width / 2, height / 2]) / width * 2) ** 2
+    ).sum(-1)
+    _, _, truth, alone, behind = lights_of(lambda radiance: 0.1 + 0.9 * (radiance * (1 - 0.5 * r2[..., None])) ** 0.8)
     assert np.abs(alone - truth).max() > 0.1 > 10 * np.abs(behind - truth).max()
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [
+        lambda radiance: np.clip(1.1 * radiance - 0.06, 0, 1),
+        lambda radiance: np.clip(radiance, 0, 1) ** 2.2,
+        lambda radiance: np.clip(2.0 * radiance, 0, 1),
+    ],
+    ids=["black cut off", "a steep curve", "white cut off"],
+)
+def test_a_light_that_was_known_is_not_lost_behind_a_twin(camera):
+    """Fails if a twin that cuts off black or white ends the search for its light, or leads it away from what was there."""
+    twin, shown, _, alone, behind = lights_of(camera)
+    before, after = (np.abs(twin(light) - shown).mean() for light in (alone, behind))
+    assert after < 0.6 * before
 
 
 def test_a_grey_photograph_has_a_light_without_colour():

@@ -16,6 +16,7 @@ from inputs.scene import load_scene
 from light_captures import light_captures
 from observe_patches import observe_patches
 from register_captures import register_captures
+from rig.light import LIGHT
 from rig.targets import inverted_plate, target_plate
 from shared_files import shared
 
@@ -59,6 +60,17 @@ def test_a_swapped_board_has_light_patches_and_a_twin(tmp_path, plate):
     assert gains.notna().all() and (numbers >= MIN_PATCHES).all()
 
 
+def test_a_photographs_light_is_sought_behind_its_own_twin(tmp_path, monkeypatch):
+    """Fails if a twin is made and not asked, or that of another capture is."""
+    campaign, asked = campaign_of(tmp_path / "photographs", PLATE), []
+    monkeypatch.setattr("light_captures.twins_in_light", lambda *_: {"p1": "twin of p1", "p4": "twin of p4"})
+    monkeypatch.setattr(
+        "light_captures.photograph_light", lambda *given: asked.append(given[-1]) or np.zeros(len(LIGHT))
+    )
+    seen(tmp_path, campaign, "c", NUMBER)
+    assert asked == [None, "twin of p1", None, None, "twin of p4", None]
+
+
 def test_the_paper_about_a_swapped_board_stays_white():
     """Fails if the margin turns black as well: the outer squares would have no edge to be found by."""
     white = inverted_plate(PLATE).white
@@ -69,5 +81,5 @@ def test_swapped_in_real_photographs(tmp_path):
     """Fails if a real set that shows the other colours is said to show too little of the board."""
     scene, gains, numbers = seen(tmp_path, shared(f"real/{REAL}"), REAL, NUMBER)
     message = json.loads((tmp_path / "register.json").read_text())["messages"]
-    assert any("the twin's board is swapped too" in line for line in message)
+    assert any("the twin's board has its black and white swapped too" in line for line in message)
     assert gains.notna().sum() >= NUMBER and (numbers >= MIN_PATCHES).sum() >= NUMBER

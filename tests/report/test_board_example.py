@@ -51,7 +51,7 @@ def test_the_twin_with_what_was_found_looks_like_the_photograph():
     scene = Scene((inverted_plate(target_plate(BOARD)),), 0.8, 0.05, 0.35, 0.35)
     shown = [
         in_its_light(
-            lambda lit, v=v, e=e: drawn(radiance, MARGIN, rendered, v, e, lit), photograph, FACTS, scene, points
+            lambda lit, v=v, e=e: drawn(radiance, MARGIN, rendered, v, e, lit), e, photograph, FACTS, scene, points
         )
         for v, e in zip(views, twins, strict=True)
     ]

@@ -7,7 +7,7 @@ from generator import LIBRARY, nominal
 from generator.photographs import LAID_ON, MAX_SHIFT_PX, MOVES_POINTS, Retaken, decode, why_not_laid
 from generator.sensor import encode
 from shared_files import shared
-from trials.real_trials import NULLS, drawn_effect, laid_effect, what_is_laid_on
+from trials.real_trials import NULLS, _copy_calibrations, drawn_effect, laid_effect, what_is_laid_on
 
 CAMERA = nominal.Camera("c", 160, 120, 160.0)
 SPOT = np.array([120.0, 40.0])
@@ -93,3 +93,12 @@ def test_what_can_be_laid_on_each_set_is_listed():
     assert listed["chess_studio_control"] == f"all {len(LAID_ON)}"
     assert listed["chess_opencv_left"].startswith(f"{len(LAID_ON) - 3}, grey: not ")
     assert listed["charuco_screen_wide"] == "none: 9 photographs, and 12 are needed"
+
+
+def test_a_sets_own_calibration_goes_with_its_trial(tmp_path):
+    """Fails if a trial of a campaign that names a calibration's file, or has photographs for one, cannot be read."""
+    for name in ("lab/cal.yaml", "calibration/c/1.png", "campaign.yaml"):
+        (tmp_path / "set" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "set" / name).write_text("cameras: {c: {intrinsics: 'lab/cal.yaml#left'}, d: {fx: null}}")
+    _copy_calibrations(tmp_path / "set", tmp_path / "trial")
+    assert sorted(p.name for p in (tmp_path / "trial").rglob("*") if p.is_file()) == ["1.png", "cal.yaml"]
