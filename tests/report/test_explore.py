@@ -12,7 +12,7 @@ from effects.base import Scene
 from explore_camera import board_seen, rms_between, show_pair
 from gap.observables import FEATURES
 from inputs.campaign import Board
-from report.explored import CAMERAS, DRAWN, GAPS, PLATE_GAPS_PX, STEPS, explore, lay_down_run, paths_of, told_in
+from report.explored import CAMERAS, DRAWN, GAPS, PLATE_GAPS_PX, STEPS, explore, paths_of, told_in, write_results
 from reporting.explore_tables import as_js, bins_of, cell_sums, place_of, plate_sums, tilt_bins
 from reporting.ladder_images import chosen, rungs_of
 from rig.geometry import camera_matrix, project, station_pose
@@ -23,7 +23,7 @@ from workflow_runs import PROJECT
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     """The results' folder of a small run."""
-    return lay_down_run(tmp_path_factory.mktemp("run"))
+    return write_results(tmp_path_factory.mktemp("run"))
 
 
 @pytest.fixture(scope="module")

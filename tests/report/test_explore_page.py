@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from report.browser import complaints, opened, programs, requests, wait
-from report.explored import CAMERAS, DRAWN, GAPS, PLATE_GAPS_PX, STEPS, build_page, lay_down_run, told_in
+from report.explored import CAMERAS, DRAWN, GAPS, PLATE_GAPS_PX, STEPS, build_page, told_in, write_results
 from reporting.explore_tables import as_js
 
 CLICKS = 5
@@ -22,7 +22,7 @@ HOSTILE = '"><img src=x onerror="window.hit=1"></script><script>window.hit=1</sc
 def run(tmp_path_factory):
     """The results' folder of a small run, below a folder whose name a careless address would break."""
     programs()
-    return lay_down_run(tmp_path_factory.mktemp("run") / "Büro #1, O'Neill 100%")
+    return write_results(tmp_path_factory.mktemp("run") / "Büro #1, O'Neill 100%")
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from inputs.photo_facts import photo_facts
 from inputs.tables import FILES
 from reporting.pages import render
 from rig.errors import InputError
-from tiny_campaign import lay_down
+from tiny_campaign import write_campaign
 from workflow_runs import PROJECT
 
 SCRIPT = "<script>alert(1)</script>"
@@ -29,7 +29,7 @@ def test_html_names_no_campaign_camera_capture_or_marker(tmp_path):
             ("markers.csv", "DICT_5X5_1000", SCRIPT, "column dictionary"),
         ]
     ):
-        campaign = lay_down(tmp_path / str(k))
+        campaign = write_campaign(tmp_path / str(k))
         text = (campaign / name).read_text()
         assert old in text
         (campaign / name).write_text(text.replace(old, new, 1))
