@@ -127,7 +127,7 @@ def test_glare_promises_much_beside_a_curve_that_took_it_up(tmp_path):
     assert max(gains, key=gains.get) == "veiling_glare"
 
 
-def test_what_closes_a_small_part_of_a_stranger_gets_no_name(tmp_path):
+def test_what_closes_a_small_part_of_an_effect_outside_the_library_gets_no_name(tmp_path):
     """Stuck pixels move the mean of flats: a curve and noise follow that, and are not what is missing."""
     case, _ = generated_case(tmp_path, "outside", seed="meridian", index=29, size="standard")
     _, _, _, outcome = verdict(case, candidates=["tone_curve", "sensor_noise"])
