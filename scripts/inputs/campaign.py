@@ -1,6 +1,6 @@
 """A campaign folder: the models of campaign.yaml and board.yaml, the two tables, every row checked.
 
-Campaigns come from strangers: nothing outside their folder is read, and the first departure from
+Campaigns are untrusted input: nothing outside their folder is read, and the first departure from
 docs/campaign-format.md is said in one message that names file, row, column and value.
 """
 

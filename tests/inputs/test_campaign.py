@@ -1,4 +1,4 @@
-"""Campaigns come from strangers: every departure from the format is one message that names file, row, column, value."""
+"""Campaigns are untrusted input: every departure from the format is one message that names file, row, column, value."""
 
 import math
 
@@ -75,7 +75,7 @@ def test_a_bad_capture_is_named(tmp_path, old, new, words):
 
 
 def test_a_link_out_of_the_campaign_is_refused(tmp_path):
-    """Otherwise a stranger's campaign could have any file of the user's opened and shown in a report."""
+    """Otherwise an untrusted campaign could have any file of the user's opened and shown in a report."""
     campaign = write_campaign(tmp_path / "c")
     (tmp_path / "secret.png").write_bytes(b"x")
     (campaign / "images/left/b.png").unlink()

@@ -1,4 +1,4 @@
-"""Images from strangers: checked before they are decoded, and never silently filled with grey."""
+"""Untrusted images: checked before they are decoded, and never silently filled with grey."""
 
 import struct
 import zlib

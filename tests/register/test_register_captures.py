@@ -96,7 +96,7 @@ def test_an_image_that_claims_too_much(tmp_path):
 
 
 def test_a_link_that_leaves_the_campaign(tmp_path):
-    """A stranger's campaign would read any file of the user's."""
+    """An untrusted campaign would read any file of the user's."""
     folder = write_campaign(tmp_path / "c")
     expand_tables(folder, None, "left", tmp_path / "expand")
     shutil.move(folder / "images/left/a.png", tmp_path / "outside.png")

@@ -266,7 +266,7 @@ def copied(run, folder):
 
 
 def test_names_are_text_whatever_they_hold(run, tmp_path, window):
-    """Fails if a marker's, capture's or campaign's name becomes markup: pages would run what strangers wrote."""
+    """Fails if a marker's, capture's or campaign's name becomes markup: pages would run untrusted code."""
     results = copied(run, tmp_path)
     markers = pd.read_csv(results / "expand/markers.csv")
     markers.assign(dictionary=HOSTILE + markers.dictionary).to_csv(results / "expand/markers.csv", index=False)

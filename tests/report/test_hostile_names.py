@@ -1,4 +1,4 @@
-"""Names and texts from strangers on the pages: refused where they name files, shown as text where they do not."""
+"""Untrusted names and texts on the pages: refused where they name files, shown as text where they do not."""
 
 import json
 import sys
