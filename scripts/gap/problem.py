@@ -273,7 +273,7 @@ class Case:
         capture.starts = library.starts_seen(image)
 
     def found_corners(self, image, starts):
-        """Return (corners (p, 4, 2), found (p,)): what ArUco finds of the rig, false finds far off or askew left out."""
+        """Return (corners (p, 4, 2), found (p,)): what ArUco detects of the rig; outliers are left out."""
         corners, found = np.full(starts.shape, np.nan), np.zeros(len(starts), bool)
         for k, quad in self.finder().corners(image).items():
             corners[k] = quad

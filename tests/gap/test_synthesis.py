@@ -128,7 +128,7 @@ def drawn_with(scene, view, effect):
 
 @pytest.mark.parametrize("effect", SPREADS, ids=[name for name, _ in SPREADS])
 def test_light_is_spread_as_the_image_is_blurred(effect):
-    """Parts that land askew, or too far, would part the fit's image from Blender's; blurring whole pixels is 1 % off."""
+    """Parts that land misaligned, or too far, would part the fit's image from Blender's; blurring whole pixels is 1 % off."""
     scene, view = scene_and_view()
     sharp = shade(scene, view, *coverages(Prints(scene.plates), view))
     drawn = drawn_with(scene, view, effect)
