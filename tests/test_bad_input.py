@@ -75,7 +75,7 @@ def image_becomes(make):
 
 
 def with_size(width, height):
-    """Return what puts another size into the header of a PNG, its checksum mended."""
+    """Return what puts another size into the header of a PNG, its checksum right."""
 
     def make(png):
         header = b"IHDR" + struct.pack(">II", width, height) + png[24:29]

@@ -23,7 +23,7 @@ from calibrations.formats import available_formats, read_calibration
 from calibrations.lens import Calibration
 from detect_markers import read_frames
 from detect_markers import read_image as read_any_image
-from fuzz_inputs import Inputs, binary_inputs, png_mended, text_inputs
+from fuzz_inputs import Inputs, binary_inputs, png_with_valid_checksums, text_inputs
 from inputs import tables
 from inputs.campaign import load_campaign, read_captures, read_description, read_markers
 from inputs.config import check_config
@@ -206,7 +206,7 @@ def _of_images(folder):
     }  # fmt: skip
     made = {}
     for kind, (name, images) in files.items():
-        inputs = binary_inputs(images, png_mended if kind == "PNG" else None)
+        inputs = binary_inputs(images, png_with_valid_checksums if kind == "PNG" else None)
         made[f"images: {kind}"] = Reader(folder / name, inputs, read_image)
         made[f"EXIF and tables: {kind}"] = Reader(folder / f"facts_{name}", inputs, _all_facts)
     others = [cv2.imencode(end, colour)[1].tobytes() for end in (".bmp", ".webp", ".ppm")]

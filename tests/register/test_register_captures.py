@@ -71,7 +71,7 @@ def test_a_truncated_capture(tmp_path):
 
 
 def test_captures_of_another_size_are_told_together(tmp_path):
-    """The user would mend one capture a run."""
+    """The user would fix one capture a run."""
     folder = write_campaign(tmp_path / "c") / "images/left"
     for name in ("a.png", "b.png"):
         cv2.imwrite(str(folder / name), np.zeros((HEIGHT, WIDTH + 2), np.uint8))
