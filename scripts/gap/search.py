@@ -15,7 +15,7 @@ from gap.kept import kept
 from gap.normal_equations import gains_of_step, normal_equations
 from gap.parameters import fitted_parameters, is_geometric, spec
 from gap.problem import may_have
-from gap.residuals import GROUPS, NU, flatten, lost_plates, rho, total, width_of
+from gap.residuals import GROUPS, NU, flatten, lost_plates, rho, robust_scale_of, total
 from gap.score import error_of_sum, gains_by_station, group_gaps, group_losses, shared_gain
 from gap.split import probes, split_by_station, thinned, usable
 from gap.twin import Candidate, Twin
@@ -237,7 +237,7 @@ class Search:
         """Return (indices of the probes, their residual groups, robust nu) of a twin."""
         indices = probes(self.train)
         groups = self.solver.residuals_of(twin.effects, twin.poses, indices)
-        return indices, groups, NU * width_of(groups) ** 2
+        return indices, groups, NU * robust_scale_of(groups) ** 2
 
     def _beside(self, twin, probed):
         """Return the derivatives {i: (n, k)} of the probes by the twin's free parameters."""
