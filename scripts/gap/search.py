@@ -128,13 +128,15 @@ class Search:
     def floors_at(self, effects, poses, groups):
         """Return {group: floor}: what trials of a station differ by, or the twin's own captures from what it expects.
 
-        The second is more where noise meets a codec's leaps, or where a pattern repeats that only the real sensor knows;
+        The second is more where noise meets a codec's jumps, or where a pattern repeats that only the real sensor knows;
         it counts where the twin's noise is like the real one, as far as its own captures are alike.
         """
         floors, noise = self.problem.floors_of(groups), group_gaps(groups, {}).get("noise")
         if noise is None:
             return floors
-        own = self.solver.each(lambda i: self.solver.own_scatter(i, effects, poses[i]), probes(self.train))
+        own = self.solver.each(
+            lambda i: self.solver.self_simulation_residuals(i, effects, poses[i]), probes(self.train)
+        )
         scatter = group_gaps(own, {})
         if noise > MAX_NOISE_GAP * max(1.0, scatter.get("noise", 0.0)):
             return floors
@@ -144,7 +146,7 @@ class Search:
     def adopt(self, candidate):
         """Return the Twin of a candidate with all its effects refitted together.
 
-        A fit does not leap: discrete parameters of the other effects are compared once more beside the new one.
+        No fit moves them far: discrete parameters of the other effects are compared once more beside the new one.
         """
         twin = candidate.twin if candidate.complete else self.fitted(candidate.twin.effects, candidate.twin.poses)
         compared = self.discrete.compared_once_more(list(twin.effects), candidate.effect, twin.poses)

@@ -348,7 +348,7 @@ class Solver:
         moved = self.problem.corners_of(self.problem.captures[i], effects, end)
         return np.nan_to_num(flat(moved - self.problem.corners_of(self.problem.captures[i], effects, start)))
 
-    def own_scatter(self, i, effects, pose):
+    def self_simulation_residuals(self, i, effects, pose):
         """Return {group: whitened residuals} of a capture that the twin itself takes, noise and all, about the expected.
 
         What a pose could explain is taken out, as it is from a real capture.
