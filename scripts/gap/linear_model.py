@@ -280,9 +280,9 @@ def _first_guess(search, twin, way, steps):
     nulls, first = library.nulls_of(way.effect), search.problem.starts_of(way.effect)[0]
     if search.problem.shows(way.effect):
         return first
-    leaping = [key for key, s in bounds.items() if s.discrete and not s.auxiliary]
-    if leaping:
-        return search.discrete.best_values(way.effect, nulls, list(twin.effects), leaping, twin.poses)
+    discrete = [key for key, s in bounds.items() if s.discrete and not s.auxiliary]
+    if discrete:
+        return search.discrete.best_values(way.effect, nulls, list(twin.effects), discrete, twin.poses)
     if way.start is None:
         moves = dict(zip(way.parameters, (steps.get(k, 0.0) for k in way.columns), strict=True))
         if not any(moves.values()):

@@ -238,7 +238,7 @@ def test_a_search_that_comes_back_ends():
 
 
 def test_a_jpeg_quality_is_found_across_its_leaps(tmp_path):
-    """Quantisation changes by leaps: a fit that creeps from a start far off stays at a wrong quality."""
+    """Quantisation changes discontinuously: a fit that creeps from a start far off stays at a wrong quality."""
     case, truth = generated_case(tmp_path, "single", "jpeg_compression", seed="leaps")
     search = Search(case)
     quality = truth["effects"][0]["library_parameters"]["quality"]
