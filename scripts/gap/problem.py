@@ -72,7 +72,7 @@ class Case:
     state_features = STATE_FEATURES
     most_captures = most_held_out = MAX_CAPTURES  # that are fitted, that are held out
     draws = True  # images of its captures, which is what takes time
-    is_of_signs = False  # few a capture: first order promises little of effects, floors are seldom reached
+    is_of_signs = False  # few a capture: first order predicts little gain of effects, floors are seldom reached
     is_board = False  # photographs of a calibration board, not of a rig
     floor_within = 1.0  # factor to which the floor is known
     _scenes: dict = field(default_factory=dict)

@@ -25,7 +25,7 @@ SCALE_FROM_START = 8.0  # the same from an effect's start, that of images too
 MAX_PARAMETERS = 12  # of an effect that is no free warp, and of a base that is fitted beside a candidate
 MIN_GAIN = 25.0  # in loss: less is not worth a fit, nor a name
 CLEAR_EVIDENCE = 16.0  # times MIN_GAIN that taking an effect out costs to second order: a refit need not tell
-SHARE_OF_MIMICS = 0.9  # of what an effect of many parameters brings, that simpler ones promise together
+SHARE_OF_MIMICS = 0.9  # of what an effect of many parameters brings, that simpler ones are predicted to bring together
 MAX_MIMICS, ALIKE_MIMICS = 2, 2  # of them (three make up for much by chance), sets of as many that are fitted
 MAX_HIDDEN = 0.05  # share of the held-out plates that a candidate may lose
 ITERATIONS_OF_STARTS = 2  # in a few captures, to choose a start
@@ -179,7 +179,7 @@ class Search:
         """Return the training loss {group: gain} that an effect that the twin has not could gain to first order.
 
         About its null, the twin's own parameters going along, or towards one of its starts: a prediction for each parameter
-        and start. What promises next to nothing need not be fitted.
+        and start. What is predicted to gain next to nothing need not be fitted.
         """
         starts, towards = self.problem.starts_of(effect), []
         if len(starts) > 1 or starts != library.starts_of(effect):
@@ -209,7 +209,7 @@ class Search:
 
     @kept
     def mimics(self, twin, effect, others):
-        """Return lists of other effects that promise together what one of a twin's own brings, the fewest first, then the best.
+        """Return lists of other effects predicted to gain together what one of a twin's own brings, the fewest first, then best.
 
         Asked to first order beside what else the twin has, refitted in a few captures; the most helpful is taken first.
         """
@@ -272,7 +272,7 @@ class Search:
     # -- trying one -----------------------------------------------------------------------------------------------------
 
     def null_candidate(self, twin, effect):
-        """Return the Candidate of an effect that promises nothing: at its null, with the base's gap."""
+        """Return the Candidate of an effect without a predicted gain: at its null, with the base's gap."""
         return Candidate(effect, library.nulls_of(effect), twin, False)
 
     @kept

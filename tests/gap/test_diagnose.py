@@ -118,8 +118,8 @@ def test_what_the_first_step_made_up_for_is_found_beside_it(tmp_path, seed, inde
     assert set(named(outcome)) == set(hidden)
 
 
-def test_glare_promises_much_beside_a_curve_that_took_it_up(tmp_path):
-    """A curve that was fitted alone has taken up how glare lifts black: a promise with that curve held would be next to none."""
+def test_glare_has_the_largest_predicted_gain_beside_a_curve_that_took_it_up(tmp_path):
+    """A curve fitted alone has taken up how glare lifts black: with that curve held its predicted gain would be next to none."""
     case, _ = generated_case(tmp_path, "pair", seed="meridian", index=11, size="standard")
     search = Search(case)
     twin = search.adopt(search.try_effect(search.fitted([]), "tone_curve"))

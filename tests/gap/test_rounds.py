@@ -73,7 +73,7 @@ def test_what_gave_way_to_a_rival_may_come_back(monkeypatch):
 
 @pytest.mark.parametrize("closes", [True, False])
 def test_noise_is_asked_for_once_where_rounds_end_without(monkeypatch, closes):
-    """Fails if rounds end where noise is missing, which promises little beside the levels that it scatters, or ask on for it."""
+    """Fails if rounds end where noise is missing, whose predicted gain is small beside levels that scatter, or ask on for it."""
     asked, noise = [], Proposal([("sensor_noise", {})], {"sensor_noise": []})
     monkeypatch.setattr(joint_way, "missing_noise", lambda *_: (asked.append(1), noise)[1])
     monkeypatch.setattr(joint_way, "_is_nearly_closed", lambda *_: True)
