@@ -92,7 +92,7 @@ class Tolerance(Strict):
     angle_deg: float = Field(ge=0, le=45)
 
 
-class Board(Strict):
+class CalibrationBoard(Strict):
     """One calibration board, metres."""
 
     type: Literal["charuco", "chessboard", "aruco_grid", "apriltag_grid"]
@@ -133,7 +133,7 @@ class CampaignFile(Strict):
     name: str = Field(pattern=NAME, max_length=64)
     origin: Literal["camera", "simulated"]
     markers: str | None = None
-    target: Board | None = None
+    target: CalibrationBoard | None = None
     captures: str
     cameras: dict[str, NominalCamera] = Field(min_length=1)
     light: Literal["even"] | None

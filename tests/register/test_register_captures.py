@@ -11,7 +11,7 @@ import yaml
 
 from case_files import load_case, read_capture
 from expand_tables import expand_tables
-from inputs.campaign import Board
+from inputs.campaign import CalibrationBoard
 from inputs.images import read_image
 from register import boards
 from register_captures import calibrations, register_captures
@@ -54,7 +54,9 @@ def test_a_campaign_without_a_marker_is_a_result(tmp_path):
 
 def test_points_that_no_camera_shows_are_one_message():
     """Fails if OpenCV's own error ends the run: markers in the squares of a board, described as a grid of 4 x 8."""
-    grid = Board(type="aruco_grid", dictionary="DICT_4X4_1000", columns=4, rows=8, marker_m=0.01905, gap_m=0.006)
+    grid = CalibrationBoard(
+        type="aruco_grid", dictionary="DICT_4X4_1000", columns=4, rows=8, marker_m=0.01905, gap_m=0.006
+    )
     images = [read_image(p) for p in sorted(shared("real/charuco_lifecam_480").glob("*.jpg"))[:8]]
     views = {str(k): boards.find_board(image, grid) for k, image in enumerate(images)}
     with pytest.raises(

@@ -92,11 +92,11 @@ def test_exif_of_a_photograph_is_text_on_its_page(tmp_path, monkeypatch):
 
 def test_a_camera_s_name_in_exif_can_not_write_yaml(tmp_path):
     """Fails if EXIF could add keys to the campaign.yaml that is started from a folder."""
-    from inputs.campaign import Board
+    from inputs.campaign import CalibrationBoard
     from start.patterns import Pattern
     from start_campaign import _description
 
-    board = Board(type="chessboard", columns=9, rows=6, square_m=0.03)
+    board = CalibrationBoard(type="chessboard", columns=9, rows=6, square_m=0.03)
 
     class Photograph:
         size, facts, maker = (64, 48), {"focal_35mm": None}, "a\nname: stolen\r# {x} \u2028b: *c"
