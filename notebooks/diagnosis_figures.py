@@ -20,7 +20,7 @@ BRIGHTEST_DIFFERENCE_DN = 40
 LACKS = """# What does the twin lack, and does the error fall?
 
 Every effect of the library was added to the twin in turn, fitted on some stations and scored on others. The best is
-added, all are refitted together, and the search goes on until nothing helps; where three or more are promising together,
+added, all are refitted together, and the search goes on until nothing helps; where three or more are predicted to gain together,
 they are added and fitted together. Gaps are in units of the floor: how far repeats of one station lie apart. All errors
 here are of captures that no fit has seen."""
 CHANGED = """# What has changed since {since}?

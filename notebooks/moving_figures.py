@@ -58,7 +58,7 @@ def centres(table):
 
 
 def tracks_figure(run, trajectory, detector):
-    """Return a figure: where markers went (lines) over the middle frame, where they were seen and carried on (dots)."""
+    """Return a figure: where markers went (lines) over the middle frame, where they were seen and bridged (dots)."""
     truth = run.truth[(run.truth.trajectory == trajectory) & run.truth.in_frame]
     mine = run.reports[detector]
     mine = mine[mine.trajectory == trajectory]

@@ -8,7 +8,7 @@ import pandas as pd
 
 import job
 from inputs import tables
-from inputs.campaign import Board
+from inputs.campaign import CalibrationBoard
 from inputs.scene import target_plate
 from reporting.explore_tables import as_js, rounded
 from reporting.pages import render
@@ -29,7 +29,7 @@ def board_outline(scene):
     """Return the outline (4, 2) of a campaign's board as lists, None where it has none."""
     if not scene.get("target"):
         return None
-    return rounded(target_plate(Board.model_validate(scene["target"])).outline_world()[:, :2], 4)
+    return rounded(target_plate(CalibrationBoard.model_validate(scene["target"])).outline_world()[:, :2], 4)
 
 
 def build_explorer(markers, scene_file, table1, cameras, detectors, page_files, page):

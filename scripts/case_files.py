@@ -18,7 +18,7 @@ from gap.signature import MIN_PATCHES
 from gap.signature_case import SignatureCase, is_seen_in_cells, seen_patches, twin_photograph
 from gap.split import usable
 from inputs import tables
-from inputs.campaign import Board
+from inputs.campaign import CalibrationBoard
 from inputs.images import read_image
 from inputs.scene import load_scene
 from register.board_checks import MIN_PHOTOGRAPHS, what_it_takes
@@ -185,7 +185,7 @@ def load_photographs(expand, register_json, camera):
     facts, captures, views = load_views(expand, register_json, camera)
     made = [Capture(view, int(trial)) for view, trial in zip(views, captures.trial, strict=True)]
     scene = load_scene(expand, register_json)
-    patches = board_patches(Board.model_validate(facts["target"]), scene.plates[0])
+    patches = board_patches(CalibrationBoard.model_validate(facts["target"]), scene.plates[0])
     return photographs_case(facts["name"], camera, scene, made, patches)
 
 

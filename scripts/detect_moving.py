@@ -55,7 +55,7 @@ class FrameByFrame:
 
 
 class Tracked:
-    """A detector's tracker: a marker's pose is the filtered one, and it may be carried on unseen."""
+    """A detector's tracker: a marker's pose is the filtered one, and an unseen marker may be bridged: extrapolated."""
 
     def __init__(self, module, parameters, dictionaries, K, code_m):
         self.tracker = module.Tracker(dictionaries, K=K, code_m=code_m, **parameters)

@@ -19,7 +19,7 @@ from effects.library import effect_named
 from gap.capture_light import photograph_light
 from gap.problem import encoding_table
 from inputs import tables
-from inputs.campaign import Board, inside
+from inputs.campaign import CalibrationBoard, inside
 from inputs.images import read_image
 from inputs.render_store import read_station
 from inputs.scene import load_scene
@@ -138,7 +138,7 @@ def _images(facts, register_json, manifest, record, expand, campaign, camera, ro
     size = real.shape[1], real.shape[0]
     T = make_pose(entry["pose"][:3], entry["pose"][3:])
     view = View(K, *size, 0, T, camera, row.capture, row.station, float(facts["exposure"]), facts["encoding"])
-    finders = board_finders(Board.model_validate(facts["target"]))
+    finders = board_finders(CalibrationBoard.model_validate(facts["target"]))
     points = max((find(image) for find in finders), key=lambda p: len(p.image))
     if len(points.image) < MIN_POINTS:
         return [np.zeros((8, 8, 3))] * 3

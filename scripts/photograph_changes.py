@@ -20,7 +20,7 @@ from gap.signature import MIN_PATCHES, OF_CODEC, Photograph
 from gap.signature_changes import laid_on_numbers, least_seen_of, signature_changes, why_not_comparable
 from gap.split import usable
 from inputs import tables
-from inputs.campaign import Board
+from inputs.campaign import CalibrationBoard
 from register.boards import nothing_found
 from register.finders import SECTORS, USUAL, board_finders, board_views, save_points
 
@@ -36,9 +36,9 @@ class PhotographSet:
 
     @property
     def board(self):
-        """The inputs.campaign.Board that is photographed, None of a rig."""
+        """The inputs.campaign.CalibrationBoard that is photographed, None of a rig."""
         target = json.loads((Path(self.expand) / "scene.json").read_text())["target"]
-        return Board.model_validate(target) if target else None
+        return CalibrationBoard.model_validate(target) if target else None
 
     @property
     def finder(self):

@@ -16,7 +16,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 import job
-from inputs.campaign import Board, read_markers
+from inputs.campaign import CalibrationBoard, read_markers
 from inputs.experiment import rig_markers
 from inputs.safe_yaml import validation_message
 from markers.contract import marker_plate
@@ -37,16 +37,16 @@ MARKER_SHARE = 0.75  # of a ChArUco board's square
 
 
 def board_of(kind, given):
-    """Return the inputs.campaign.Board of a kind with what was given (dict, None where nothing was)."""
+    """Return the inputs.campaign.CalibrationBoard of a kind with what was given (dict, None where nothing was)."""
     values = DEFAULTS[kind] | {k: v for k, v in given.items() if v is not None}
     if kind == "charuco":
         values.setdefault("marker_mm", MARKER_SHARE * values["square_mm"])
     lengths = {k.replace("_mm", "_m"): round(v / 1000, 9) for k, v in values.items() if k.endswith("_mm")}
     others = {k: v for k, v in values.items() if not k.endswith("_mm")}
     try:
-        return Board.model_validate({"type": kind} | others | lengths)
+        return CalibrationBoard.model_validate({"type": kind} | others | lengths)
     except ValidationError as error:
-        raise InputError(validation_message(kind, error, Board)) from None
+        raise InputError(validation_message(kind, error, CalibrationBoard)) from None
     except ValueError as error:
         raise InputError(f"{kind}: {error}") from None
 
@@ -74,7 +74,7 @@ def size_of(board):
 
 
 def print_board(board, out, papers):
-    """Write a inputs.campaign.Board to OUT_PAPER.pdf of each paper."""
+    """Write an inputs.campaign.CalibrationBoard to OUT_PAPER.pdf of each paper."""
     plate = target_plate(board)
     _write({paper: board_pages(plate, size_of(board), described(board), paper) for paper in papers}, out)
 

@@ -15,7 +15,7 @@ import job
 from effects.base import View
 from inputs import tables
 from inputs.baseline import MIN_CAPTURES
-from inputs.campaign import Board, inside
+from inputs.campaign import CalibrationBoard, inside
 from inputs.images import read_image
 from inputs.photo_facts import a_few, focal_px, photo_facts
 from inputs.safe_yaml import load_yaml, validation_message
@@ -85,11 +85,11 @@ def nominal_poses(captures, stations):
 
 
 def read_board(path):
-    """Return the Board of a board.yaml; raises InputError naming file, key and value."""
+    """Return the CalibrationBoard of a board.yaml; raises InputError naming file, key and value."""
     try:
-        return Board.model_validate(load_yaml(path))
+        return CalibrationBoard.model_validate(load_yaml(path))
     except ValidationError as error:
-        raise InputError(validation_message(path, error, Board)) from None
+        raise InputError(validation_message(path, error, CalibrationBoard)) from None
 
 
 def calibration_views(campaign, camera, size, messages):
@@ -172,7 +172,7 @@ def register_captures(
     if len(captures):
         folder_views = calibration_views(campaign, camera, size, messages)
         if facts["target"]:
-            board = Board.model_validate(facts["target"])
+            board = CalibrationBoard.model_validate(facts["target"])
             look = first_look(list(captures.capture), board)
             hashes, found = look_at_captures(campaign, captures, size, look, threads)
             where, open_image = f"{campaign}/campaign.yaml: target", opener(campaign, captures)

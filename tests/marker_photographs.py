@@ -79,7 +79,7 @@ def photograph(markers, textures, T_cam_world, rng, k1=0.0, blur_px=0.0):
     return (255 * encoded + rng.normal(0, NOISE_DN, encoded.shape)).round().clip(0, 255).astype(np.uint8)
 
 
-def lay_down_markers(folder, families, stations=STATIONS, trials=2, scale=1.0, **hidden):
+def write_marker_campaign(folder, families, stations=STATIONS, trials=2, scale=1.0, **hidden):
     """Write a campaign of one camera to ``folder`` and return it; ``hidden`` as ``photograph`` has it."""
     rng, markers, rows = np.random.default_rng(3), plates_of(families), []
     textures = [texture(m, scale) for m in markers.itertuples()]

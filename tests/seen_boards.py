@@ -20,7 +20,7 @@ def embedded():
 
 
 def photographs(folder, count):
-    """Return ({name: image}, Board) of the first photographs of a campaign."""
+    """Return ({name: image}, CalibrationBoard) of the first photographs of a campaign."""
     campaign = load_campaign(folder)
     rows = campaign.captures.iloc[:count]
     return {c.capture: read_image(folder / c.image) for c in rows.itertuples()}, campaign.file.target

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import yaml
 
-from tiny_campaign import SEEN_HEIGHT, SEEN_WIDTH, lay_down, lay_down_seen
+from tiny_campaign import SEEN_HEIGHT, SEEN_WIDTH, write_campaign, write_seen_campaign
 from workflow_runs import copy_project, snakemake
 
 TWIN = "effects:\n  - effect: lens_blur\n    parameters: {sigma_px: 0.8}\n"
@@ -75,7 +75,7 @@ def image_becomes(make):
 
 
 def with_size(width, height):
-    """Return what puts another size into the header of a PNG, its checksum mended."""
+    """Return what puts another size into the header of a PNG, its checksum right."""
 
     def make(png):
         header = b"IHDR" + struct.pack(">II", width, height) + png[24:29]
@@ -109,7 +109,7 @@ BAD = {
 @pytest.mark.parametrize("what", BAD)
 def test_a_bad_campaign_stops_before_any_job(project, tmp_path, what):
     change, words = BAD[what]
-    campaign = lay_down(tmp_path / "tiny")
+    campaign = write_campaign(tmp_path / "tiny")
     change(campaign)
     message = refused(project, "--config", f"campaign={campaign}")
     for word in words:
@@ -128,7 +128,7 @@ def test_a_bad_campaign_stops_before_any_job(project, tmp_path, what):
     ],
 )
 def test_a_bad_configuration_stops_before_any_job(project, tmp_path, setting, words):
-    message = refused(project, "--config", f"campaign={lay_down(tmp_path / 'tiny')}", setting)
+    message = refused(project, "--config", f"campaign={write_campaign(tmp_path / 'tiny')}", setting)
     for word in words:
         assert word in message
 
@@ -145,7 +145,7 @@ def test_a_bad_configuration_stops_before_any_job(project, tmp_path, setting, wo
     ],
 )
 def test_a_bad_twin_or_effect_stops_before_any_job(project, tmp_path, path, text, words):
-    campaign, path = lay_down(tmp_path / "tiny"), project / path
+    campaign, path = write_campaign(tmp_path / "tiny"), project / path
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text)
     try:
@@ -158,7 +158,7 @@ def test_a_bad_twin_or_effect_stops_before_any_job(project, tmp_path, path, text
 
 def test_a_full_disk_while_rendering_is_one_message_and_costs_no_station(tmp_path):
     """A station cut short that passes for a render would spoil every number after it."""
-    project, campaign = copy_project(tmp_path / "project"), lay_down(tmp_path / "tiny")
+    project, campaign = copy_project(tmp_path / "project"), write_campaign(tmp_path / "tiny")
     target = ("results/tiny/render/right.json", "--cores", 1, "--config", f"campaign={campaign}")
     status, said = snakemake(project, *target, "render={edge_samples: 16}")
     assert status == 0, said[-3000:]
@@ -183,7 +183,7 @@ def test_a_full_disk_while_rendering_is_one_message_and_costs_no_station(tmp_pat
 def test_captures_that_show_nothing_end_in_a_verdict_that_says_so(tmp_path):
     """Black, saturated, too few to hold any out: no crash, and no effect blamed on a guess."""
 
-    campaign = lay_down_seen(tmp_path / "tiny")
+    campaign = write_seen_campaign(tmp_path / "tiny")
     description = campaign / "campaign.yaml"
     data = yaml.safe_load(description.read_text())
     data["cameras"]["few"] = dict(data["cameras"]["left"])

@@ -8,7 +8,7 @@ import pytest
 
 import case_files
 from join_detections import join_tables
-from tiny_campaign import lay_down
+from tiny_campaign import write_campaign
 from workflow_runs import PROJECT, copy_project, detectors, planned, snakemake
 
 THREE = detectors(aruco={}, aruco_subpix={}, bart={})
@@ -19,7 +19,7 @@ SLURM = PROJECT / ".tools/slurm"
 def project(tmp_path_factory):
     """Return (project, the argument that names a tiny campaign), nothing computed."""
     folder = tmp_path_factory.mktemp("batches")
-    return copy_project(folder / "project"), f"campaign={lay_down(folder / 'tiny')}"
+    return copy_project(folder / "project"), f"campaign={write_campaign(folder / 'tiny')}"
 
 
 def test_only_cameras_with_more_captures_than_a_batch_are_divided(project):

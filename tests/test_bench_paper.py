@@ -4,7 +4,7 @@ import bench_paper
 from workflow_runs import PROJECT
 
 
-def lay_down_times(folder, **seconds):
+def write_job_times(folder, **seconds):
     """Write Snakemake's measurements of jobs {path with __ for /: CPU seconds}, 1 GiB and twice the clock's time each."""
     for name, cpu in seconds.items():
         path = folder / f"benchmarks/{name.replace('__', '/')}.tsv"
@@ -14,7 +14,7 @@ def lay_down_times(folder, **seconds):
 
 def test_a_detectors_edit_counts_its_own_jobs_and_what_follows(tmp_path):
     """Fails if renders or another detector's jobs count as run again, or the study as part of the run."""
-    lay_down_times(
+    write_job_times(
         tmp_path, render_stations__a=600, detect_captures__a_aruco=60, detect_captures__a_bart=120, make_tables=30,
         run_figure3=30, study_twin__a=300, detect_captures__a_aruco_subpix=60,
     )  # fmt: skip

@@ -7,13 +7,13 @@ import pytest
 
 import verify_data
 from rig.errors import InputError
-from tiny_campaign import lay_down
+from tiny_campaign import write_campaign
 from workflow_runs import PROJECT
 
 
 def tracked(folder, keep_listing=True):
     """Lay a campaign down and track it as DVC would; return (campaign, .dvc file, stores)."""
-    campaign = lay_down(folder / "c")
+    campaign = write_campaign(folder / "c")
     files = verify_data.files_of(campaign)
     md5 = verify_data.directory_hash(files)
     dvc_file = folder / "c.dvc"
@@ -60,7 +60,7 @@ def test_without_dvcs_listing_a_change_is_still_noticed(tmp_path):
 
 def test_an_untracked_campaign_is_accepted_and_that_is_said(tmp_path, caplog):
     with caplog.at_level("INFO", logger="twingap"):
-        verify_data.verify_data(lay_down(tmp_path / "c"), None, [], tmp_path / "verified.json")
+        verify_data.verify_data(write_campaign(tmp_path / "c"), None, [], tmp_path / "verified.json")
     assert "not tracked by DVC" in caplog.text
 
 

@@ -13,7 +13,7 @@ from inputs import tables
 from inputs.experiment import load_experiment
 from rig.errors import InputError
 from rig.geometry import make_pose, transform
-from tiny_campaign import CAPTURES, lay_down
+from tiny_campaign import CAPTURES, write_campaign
 from workflow_runs import PROJECT
 
 EXPERIMENTS = PROJECT / "config/experiments"
@@ -28,7 +28,7 @@ def expand(out, campaign=None, experiment=None):
 
 
 def test_trials_share_a_station_and_heights_do_not(tmp_path):
-    made = expand(tmp_path / "out", lay_down(tmp_path / "c"))
+    made = expand(tmp_path / "out", write_campaign(tmp_path / "c"))
     assert list(made["captures"].station) == ["h0300_t45", "h0300_t45", "h0300_t45", "h0600_t22p5"]
     assert list(made["stations"].camera) == ["left", "right", "right"]
 
@@ -36,7 +36,7 @@ def test_trials_share_a_station_and_heights_do_not(tmp_path):
 def test_heights_that_differ_by_a_tenth_of_a_millimetre_are_two_stations(tmp_path):
     """Rounded names would give both the pose of one."""
     captures = CAPTURES.replace("left_b,left,0.3,", "left_b,left,0.3001,")
-    made = expand(tmp_path / "out", lay_down(tmp_path / "c", captures=captures))
+    made = expand(tmp_path / "out", write_campaign(tmp_path / "c", captures=captures))
     left = made["stations"][made["stations"].camera == "left"]
     assert list(left.station) == ["h0300_t45", "h300p1_t45"]
     assert left.height_m.tolist() == [0.3, 0.3001]
@@ -50,14 +50,14 @@ def test_full_poses_are_kept_and_shared_and_unknown_ones_stay_empty(tmp_path):
         "007,right,images/right/a.png,,,,,,",
         "u,right,images/right/b.png,,,,,,",
     ]
-    made = expand(tmp_path / "out", lay_down(tmp_path / "c", captures="\n".join(rows) + "\n"))
+    made = expand(tmp_path / "out", write_campaign(tmp_path / "c", captures="\n".join(rows) + "\n"))
     assert list(made["captures"].station) == ["p", "p", "007", "u"]
     assert made["stations"].tz.iloc[0] == 0.7
     assert made["stations"].tz.iloc[1:].isna().all()
 
 
 def test_a_second_run_writes_the_same_bytes(tmp_path):
-    campaign = lay_down(tmp_path / "c")
+    campaign = write_campaign(tmp_path / "c")
     for out in ("a", "b"):
         expand(tmp_path / out, campaign)
     for path in (tmp_path / "a").iterdir():

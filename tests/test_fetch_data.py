@@ -7,7 +7,7 @@ import pytest
 
 from fetch_data import fetch_data
 from rig.errors import InputError
-from tiny_campaign import lay_down
+from tiny_campaign import write_campaign
 from verify_data import files_of, md5_of
 
 
@@ -18,7 +18,7 @@ def pushed(tmp_path_factory):
 
     folder = tmp_path_factory.mktemp("fetch")
     clone = folder / "clone"
-    lay_down(clone / "data/raw/tiny")
+    write_campaign(clone / "data/raw/tiny")
     subprocess.run(["git", "init", "-q", str(clone)], check=True)
     with Repo.init(str(clone)) as repo:
         repo.add([str(clone / "data/raw/tiny")])

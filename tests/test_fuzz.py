@@ -9,7 +9,7 @@ import pytest
 
 import bench_fuzz
 from bench_fuzz import Fault, fuzz, fuzz_all, reached, tried, turn
-from fuzz_inputs import png_mended, text_inputs
+from fuzz_inputs import png_with_valid_checksums, text_inputs
 from fuzz_readers import Reader, readers
 from inputs.images import read_image
 from rig.errors import InputError, one_line
@@ -64,7 +64,7 @@ def test_an_input_is_known_by_its_number():
 
 
 def test_the_next_call_goes_on_and_begins_anew_what_did_harm(tmp_path):
-    """Fails if inputs are tried twice, or if a reader that was mended is not tried from its first input on."""
+    """Fails if inputs are tried twice, or if a reader that was fixed is not tried from its first input on."""
     table_path = tmp_path / "fuzz.csv"
     seen = []
     all_readers = {"right": reader_of(tmp_path, lambda path: None), "wrong": reader_of(tmp_path, fail)}
@@ -112,14 +112,14 @@ def test_a_message_is_one_printable_line(message, shown):
     assert one_line(message) == shown and str(InputError(message)) == shown
 
 
-def test_mended_images_come_beyond_their_checksums(tmp_path):
+def test_images_with_valid_checksums_are_read_beyond_them(tmp_path):
     """Fails if all that is tried of PNG is its checksum."""
     data = bytearray(cv2.imencode(".png", np.zeros((8, 9), np.uint8))[1].tobytes())
     data[-20] ^= 1  # among the pixels
     (tmp_path / "a.png").write_bytes(data)
     with pytest.raises(InputError, match="checksum"):
         read_image(tmp_path / "a.png")
-    (tmp_path / "a.png").write_bytes(png_mended(bytes(data)))
+    (tmp_path / "a.png").write_bytes(png_with_valid_checksums(bytes(data)))
     with pytest.raises(InputError) as error:
         read_image(tmp_path / "a.png")
     assert "checksum" not in str(error.value)

@@ -6,7 +6,7 @@ import pytest
 
 import imports
 from job_inputs import imported, jobs_of, scripts_of_rules
-from tiny_campaign import board, lay_down
+from tiny_campaign import board, write_campaign
 from workflow_runs import copy_project, edited, planned, pretend
 
 EVERYTHING = ("all", "moving", "blind_trials", "id_study", "poses_study")
@@ -20,8 +20,8 @@ def project(tmp_path_factory):
     """Return a project in which a campaign of markers, one of a board, moving cameras, a blind trial and a study are done."""
     folder = tmp_path_factory.mktemp("imports")
     project = copy_project(folder / "project")
-    lay_down(project / "markers")
-    lay_down(project / "board", describe=board)
+    write_campaign(project / "markers")
+    write_campaign(project / "board", describe=board)
     pretend(project, *EVERYTHING, "--config", "campaign=markers", *TRIALS)
     pretend(project, "all", "--config", "campaign=board", CELLS)
     pretend(project, "twin_study", "--config", "experiment=config/experiments/paper.yaml")

@@ -4,7 +4,7 @@ import os
 import signal
 import time
 
-from tiny_campaign import SEEN_HEIGHTS_M, lay_down_seen
+from tiny_campaign import SEEN_HEIGHTS_M, write_seen_campaign
 from workflow_runs import copy_project, detectors, numbers_of, snakemake, start_snakemake
 
 TABLES = [f"results/tiny/tables/{name}.csv" for name in ("table1", "table2", "ladder")]
@@ -34,7 +34,7 @@ def kill_while_rendering(project, arguments):
 
 def test_a_killed_run_goes_on_and_ends_with_the_same_tables(tmp_path):
     """Were a kill to lose stations, or half of a file to be taken for a whole one, nobody could trust a long run."""
-    campaign = lay_down_seen(tmp_path / "tiny")
+    campaign = write_seen_campaign(tmp_path / "tiny")
     arguments = (*TABLES, "--cores", 2, "--config", f"campaign={campaign}", *CONFIG)
     killed, whole = copy_project(tmp_path / "killed"), copy_project(tmp_path / "whole")
 

@@ -19,7 +19,7 @@ from full_disk import error_lines
 from killed_runs import watch
 from rig.errors import InputError
 from run_guard import check_unchanged, check_writable, remove_unfinished, stamp
-from tiny_campaign import lay_down
+from tiny_campaign import write_campaign
 from whole_folder import whole_folder
 from workflow_runs import copy_project, detectors, snakemake
 
@@ -36,7 +36,7 @@ READ_ONLY = 'mount --bind results results && mount -o remount,bind,ro results ||
 def place(tmp_path_factory):
     """Return (project, campaign), whose paths have what paths may have."""
     folder = tmp_path_factory.mktemp("nothing lost") / 'Jörg\'s "Prüfstand", 50 % & co'
-    return copy_project(folder / "Röhre 2"), lay_down(folder / "meine Fotos, it's those")
+    return copy_project(folder / "Röhre 2"), write_campaign(folder / "meine Fotos, it's those")
 
 
 def arguments_for(campaign, target=TARGET):

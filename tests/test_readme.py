@@ -19,9 +19,9 @@ import pytest
 from board_photographs import drawn, lay, photograph
 from calibrations.formats import available_formats
 from calibrations.lens import Calibration
-from inputs.campaign import Board
+from inputs.campaign import CalibrationBoard
 from rig.targets import target_plate
-from tiny_campaign import lay_down
+from tiny_campaign import write_campaign
 from workflow_runs import PROJECT
 
 PAGES = ("README.md", "docs/clusters.md", "docs/own-campaign.md", "docs/paper.md", "docs/calibrations.md")
@@ -238,8 +238,10 @@ def place(tmp_path_factory):
             (place.folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(PROJECT / name, place.folder / name)
     (place.folder / ".venv").symlink_to(Path(sys.prefix))
-    lay_down(folder / "folder")
-    board = Board(type="charuco", dictionary="DICT_5X5_100", columns=7, rows=10, square_m=0.025, marker_m=0.01875)
+    write_campaign(folder / "folder")
+    board = CalibrationBoard(
+        type="charuco", dictionary="DICT_5X5_100", columns=7, rows=10, square_m=0.025, marker_m=0.01875
+    )
     lay(folder / "photographs", drawn(target_plate(board)), 5)
     camera = Calibration(640, 480, 500.0, 500.0, 320.0, 240.0, "opencv", (-0.1, 0.01, 0.0, 0.0))
     (folder / "calibration.yaml").write_text(available_formats()["opencv"].write("mine", camera))

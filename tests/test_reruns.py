@@ -8,7 +8,7 @@ import re
 import pandas as pd
 import pytest
 
-from tiny_campaign import CAPTURES, lay_down
+from tiny_campaign import CAPTURES, write_campaign
 from workflow_runs import copy_project, detectors, edited, planned, snakemake
 
 CONFIG = (detectors(aruco={}, bart={}), "diagnose={candidates: [lens_blur]}", "render={edge_samples: 16}")
@@ -18,7 +18,7 @@ CONFIG = (detectors(aruco={}, bart={}), "diagnose={candidates: [lens_blur]}", "r
 def done(tmp_path_factory):
     """Return (project, campaign) after a whole run."""
     folder = tmp_path_factory.mktemp("reruns")
-    project, campaign = copy_project(folder / "project"), lay_down(folder / "tiny")
+    project, campaign = copy_project(folder / "project"), write_campaign(folder / "tiny")
     status, said = snakemake(project, "--cores", 2, "--config", f"campaign={campaign}", *CONFIG)
     assert status == 0, said[-4000:]
     return project, campaign

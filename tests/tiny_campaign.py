@@ -40,7 +40,7 @@ def description():
     }
 
 
-def lay_down(folder, describe=None, markers=MARKERS, captures=CAPTURES):
+def write_campaign(folder, describe=None, markers=MARKERS, captures=CAPTURES):
     """Write the campaign to ``folder`` and return it; ``describe`` may change the plain data of campaign.yaml."""
     data = description()
     if describe:
@@ -69,7 +69,7 @@ SEEN_HEIGHTS_M = (0.3, 0.33, 0.36, 0.39, 0.42, 0.45)
 DRAWN_FINER = 4
 
 
-def lay_down_seen(folder):
+def write_seen_campaign(folder):
     """Write a campaign in which markers are seen to ``folder`` and return it: two cameras, six plates, a station a
     height, two trials of the first.
     """
@@ -79,7 +79,7 @@ def lay_down_seen(folder):
     shots = [(f"{c}_h{100 * h:.0f}_{trial}", c, h, trial) for c in ("left", "right") for h, trial in heights]
     rows = "".join(f"{name},{c},{h},40,{trial},images/{c}/{name}.png\n" for name, c, h, trial in shots)
     headers = [text.splitlines()[0] + "\n" for text in (MARKERS, CAPTURES)]
-    lay_down(folder, _seen_cameras, headers[0] + markers, headers[1] + rows)
+    write_campaign(folder, _seen_cameras, headers[0] + markers, headers[1] + rows)
     rng = np.random.default_rng(2)
     table = pd.read_csv(folder / "markers.csv")
     for name, camera, height, _ in shots:

@@ -22,7 +22,7 @@ class Parameter:
     doc        what it is, in one sentence
     prior_sd   standard deviation of a prior about null, for what data may leave undetermined; None: no prior
     auxiliary  whether it only says how another parameter acts and does nothing by itself
-    discrete   whether the image changes by leaps with it: whole values are compared before a fit. Of an auxiliary one
+    discrete   whether the image changes discontinuously with it: whole values are compared before a fit. Of an auxiliary one
                whole values are all there are, and no fit moves it
     """
 

@@ -48,7 +48,7 @@ def declared_by(facts):
 
 
 def discrete_parameters(name):
-    """Return the names of the parameters with which an effect's image changes by leaps."""
+    """Return the names of the parameters with which an effect's image changes discontinuously."""
     return [key for key, p in parameters_of(name).items() if p.discrete]
 
 

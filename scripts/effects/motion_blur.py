@@ -14,17 +14,17 @@ AFFECTS = "point_spread"
 PIECES_PER_PX = 16
 PARAMETERS = {
     "dx_px": Parameter(
-        unit="px", lower=-40, upper=40, null=0.0, matters=0.4, doc="smear to the right during the exposure"
+        unit="px", lower=-40, upper=40, null=0.0, matters=0.4, doc="motion to the right during the exposure"
     ),
     "dy_px": Parameter(
-        unit="px", lower=-40, upper=40, null=0.0, matters=0.4, doc="smear downwards during the exposure"
+        unit="px", lower=-40, upper=40, null=0.0, matters=0.4, doc="motion downwards during the exposure"
     ),
 }
 STARTS = ({"dx_px": 2.0}, {"dy_px": 2.0}, {"dx_px": 1.5, "dy_px": 1.5}, {"dx_px": 1.5, "dy_px": -1.5})
 
 
-def smear_kernel(dx, dy):
-    """Return the point spread function (odd, odd) of a smear: points along it."""
+def motion_blur_kernel(dx, dy):
+    """Return the point spread function (odd, odd) of a straight motion in the image: points along it."""
     length = np.hypot(dx, dy)
     n = 64 + int(PIECES_PER_PX * length)
     t = (np.arange(n) + 0.5) / n - 0.5
@@ -40,7 +40,7 @@ def spread(xy, view, p, n):
 
 
 def apply(image, view, p, rng):
-    """Average along the smear."""
+    """Average along the motion."""
     if p["dx_px"] == 0 and p["dy_px"] == 0:
         return image
-    return convolve(image, smear_kernel(p["dx_px"], p["dy_px"]))
+    return convolve(image, motion_blur_kernel(p["dx_px"], p["dy_px"]))

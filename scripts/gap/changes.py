@@ -279,7 +279,9 @@ def named(fit, twin, asked):
     p = p_of_change(asked)
     if p > MAX_P:
         return None
-    likely = sorted((n for n in asked if not is_flexible(n) or asked[n].p <= MAX_P), key=lambda n: -promised(asked[n]))
+    likely = sorted(
+        (n for n in asked if not is_flexible(n) or asked[n].p <= MAX_P), key=lambda n: -net_predicted_gain(asked[n])
+    )
     if likely and is_flexible(likely[0]):
         likely = likely[:1]
     tried = {n: with_own(fit, twin, n) for n in likely[:MAX_REFITTED] if not is_flexible(n) or n == likely[0]}
@@ -295,11 +297,11 @@ def named(fit, twin, asked):
 
 
 def p_of_change(asked):
-    """Return the least p of those {effect: Asked} that promise more than their parameters cost, 1 where none does.
+    """Return the least p of those {effect: Asked} whose predicted gain is more than their parameters cost, 1 where none does.
 
     Beside what has changed, sets that are fitted each by itself scatter so little that what explains nothing is no chance.
     """
-    return min((a.p for a in asked.values() if promised(a) > 0), default=1.0)
+    return min((a.p for a in asked.values() if net_predicted_gain(a) > 0), default=1.0)
 
 
 def charge(asked):
@@ -307,8 +309,8 @@ def charge(asked):
     return 2 * min(len(asked.parameters), MAX_DIRECTIONS)
 
 
-def promised(asked):
-    """Return the gain in loss that a change promises to first order, its parameters charged."""
+def net_predicted_gain(asked):
+    """Return the predicted gain in loss of a change (score test), its parameters charged."""
     return asked.gain - charge(asked)
 
 

@@ -1,4 +1,4 @@
-"""Parameters with which an image changes by leaps: no fit leaps, so their whole values are compared."""
+"""Discrete parameters: an image changes discontinuously with them, so whole values are compared (grid search), not fitted."""
 
 import itertools
 import math
@@ -28,10 +28,10 @@ class Discrete:
                 continue
             discrete = [d for d in library.discrete_parameters(name) if not self.is_given((name, d))]
             choices = [d for d in discrete if spec((name, d)).is_choice]
-            leaping = [d for d in discrete if d not in choices]
-            if leaping:
-                best = self.best_values(name, p, effects[:k] + effects[k + 1 :], leaping, poses)
-                if any(abs(best[d] - p[d]) >= 1 for d in leaping):
+            numbers = [d for d in discrete if d not in choices]
+            if numbers:
+                best = self.best_values(name, p, effects[:k] + effects[k + 1 :], numbers, poses)
+                if any(abs(best[d] - p[d]) >= 1 for d in numbers):
                     effects[k] = name, best
             if choices and self._matters_beside(effects, k, new, choices):
                 effects[k] = name, self._best_choices(effects, k, new, choices, poses)

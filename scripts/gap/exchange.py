@@ -4,7 +4,7 @@ from functools import partial
 
 from effects import library
 from gap.parameters import is_geometric
-from gap.residuals import NU, total, width_of
+from gap.residuals import NU, robust_scale_of, total
 from gap.search import MAX_BEHIND, MAX_STARTS, MIN_GAIN, SCALE_FROM_NEAR, SCALE_FROM_START, is_as_good
 from gap.split import probes
 from gap.standing import MIN_SHARE
@@ -40,7 +40,7 @@ def with_best_starts(search, twin, proposal):
     if not search.free(twin.effects):
         return [*twin.effects, *proposal.effects]
     effects, few = dict([*twin.effects, *proposal.effects]), probes(search.train)
-    nu = NU * width_of(search.solver.residuals_of(list(effects.items()), twin.poses, few)) ** 2
+    nu = NU * robust_scale_of(search.solver.residuals_of(list(effects.items()), twin.poses, few)) ** 2
 
     def left(name, start):
         return total(search.solver.residuals_of(list((effects | {name: start}).items()), twin.poses, few), nu)

@@ -6,7 +6,7 @@ import numpy as np
 
 from gap.normal_equations import errors_of, normal_equations, step_within, without_pose
 from gap.parameters import bounds_of, fitted_parameters, get_parameter, is_geometric, priors_of, with_parameters
-from gap.residuals import NU, flatten, total, width_of
+from gap.residuals import NU, flatten, robust_scale_of, total
 
 SCALE_FROM_AFAR = 16.0  # robust scale at which a fit of corners begins
 ITERATIONS = 25
@@ -121,15 +121,15 @@ class JointFit:
     def fitted(self, twin, free):
         """Return a JointTwin with parameters ``free`` [(effect, parameter)] fitted, of changed effects for each set.
 
-        Gauss-Newton with a robust loss that narrows, as gap.solver.Solver.fit; errors are gap.normal_equations.errors_of's.
+        Gauss-Newton with an annealed robust scale, as gap.solver.Solver.fit; errors are gap.normal_equations.errors_of's.
         """
         slots = Slots(free, twin.changed)
         parameters = slots.parameters()
         null, precision = ridge_of(parameters)
         bounds = bounds_of(parameters)
-        width, damping, derivatives = width_of(twin.groups), 1e-4, None
+        robust_scale, damping, derivatives = robust_scale_of(twin.groups), 1e-4, None
         for _ in range(ITERATIONS):
-            theta, nu = slots.values(twin.effects), NU * width**2
+            theta, nu = slots.values(twin.effects), NU * robust_scale**2
             loss = total(twin.groups, nu) + (precision * (theta - null) ** 2).sum()
             derivatives = self.by_slots(twin, slots)
             H, g, blocks = normal_equations(
@@ -145,14 +145,14 @@ class JointFit:
                     break
                 damping = max(damping, 1e-3) * 10
             if new is None:
-                if width == 1.0:
+                if robust_scale == 1.0:
                     break
-                width = 1.0
+                robust_scale = 1.0
                 continue
             twin, damping = new, max(damping / 10, 1e-7)
-            if width == 1.0 and loss - trial_loss < SETTLED * max(loss, 1.0):
+            if robust_scale == 1.0 and loss - trial_loss < SETTLED * max(loss, 1.0):
                 break
-            width = max(1.0, width / 3)
+            robust_scale = max(1.0, robust_scale / 3)
         return self._with_errors(twin, slots, precision)
 
     def _with_errors(self, twin, slots, precision):
@@ -166,9 +166,9 @@ class JointFit:
 
 def equations_of(fit, twin, free, step_of):
     """Return ({capture: (y, Jt, Jp)}, nu): residuals (n,) of a JointTwin, their derivatives by parameters ``free`` (n, k) of the
-    capture's own set and by its pose (n, 6); and how wide their loss is.
+    capture's own set and by its pose (n, 6); and nu of their robust loss.
 
-    It is as wide as most residuals of that set are which lies farther off: a common twin may fit one of them alone.
+    Its scale is the median residual's of the set that lies farther off: a common twin may fit one of them alone.
     """
     sets = [np.concatenate([flatten(twin.groups[i]) for i in members]) for members in fit.members]
     usual = max(np.median(np.abs(y)) for y in sets)

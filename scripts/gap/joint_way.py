@@ -283,7 +283,7 @@ def _is_clearly_more(loss, end):
 
 
 def _is_rough(search, twin):
-    """Return whether a twin has what the captures show by themselves, a codec: its steps make losses leap."""
+    """Return whether a twin has what the captures show by themselves, a codec: its steps make losses discontinuous."""
     return any(search.problem.shows(name) for name, _ in twin.effects)
 
 

@@ -40,9 +40,9 @@ class Way:
 
 @dataclass(frozen=True)
 class Proposal:
-    """Effects [(name, first guess of the parameters)] and {name: other names of its kind that promise nearly as much}.
+    """Effects [(name, first guess of the parameters)] and {name: other names of its kind with nearly the predicted gain}.
 
-    ``along`` names those that promise nothing themselves, ``alone`` is the Proposal without them, None where there are none.
+    ``along`` names those without a predicted gain alone, ``alone`` is the Proposal without them, None where there are none.
     """
 
     effects: list
@@ -143,7 +143,7 @@ def selected(search, twin, ways, model, least_share=MIN_SHARE_PROPOSED, share_of
 def missing_noise(search, twin, ways, model):
     """Return the Proposal of what adds noise, where a twin's is off and nothing in it adds any; an empty one elsewhere.
 
-    Levels and corners scatter by it as well, yet no expected image changes: beside what these leave open it promises little.
+    Levels and corners scatter by it as well, no expected image changes: its predicted gain beside what these leave open is small.
     """
     noise = _missing_noise(twin, [], ways, model)
     return Proposal(_guesses(search, twin, noise[:1], model), _one_of(noise)) if noise else Proposal([])
@@ -161,9 +161,9 @@ def _guesses(search, twin, taken, model):
 
 
 def _missing_noise(twin, taken, left, model):
-    """Return the Ways left of what adds noise, the most promising first, where a twin's is off and nothing adds any.
+    """Return the Ways left of what adds noise, the largest predicted gain first, where a twin's is off and nothing adds any.
 
-    What smooths noise hides it, however much there is: alone neither promises anything.
+    What smooths noise hides it, however much there is: alone neither has a predicted gain.
     """
     added = any(map(library.adds_noise, [*twin.names, *(way.effect for way in taken)]))
     if added or twin.excess.get("noise", 0.0) <= MIN_GAIN:
@@ -192,7 +192,7 @@ def _rivals(model, way, taken, left):
 
 
 def exchanges(search, twin, kept, ways, model):
-    """Return {effect ``kept`` of a twin: other names, most promising first} that may stand in its place, to second order.
+    """Return {effect ``kept`` of a twin: other names, by predicted gain} that may stand in its place, to second order.
 
     Of what taking it out costs, its parameters back at their nulls and all others refitted, one that affects the same brings
     ``EXCHANGE_SHARE``; one noise is held against another in any case, as levels tell them apart by little. Ways and the
@@ -280,9 +280,9 @@ def _first_guess(search, twin, way, steps):
     nulls, first = library.nulls_of(way.effect), search.problem.starts_of(way.effect)[0]
     if search.problem.shows(way.effect):
         return first
-    leaping = [key for key, s in bounds.items() if s.discrete and not s.auxiliary]
-    if leaping:
-        return search.discrete.best_values(way.effect, nulls, list(twin.effects), leaping, twin.poses)
+    discrete = [key for key, s in bounds.items() if s.discrete and not s.auxiliary]
+    if discrete:
+        return search.discrete.best_values(way.effect, nulls, list(twin.effects), discrete, twin.poses)
     if way.start is None:
         moves = dict(zip(way.parameters, (steps.get(k, 0.0) for k in way.columns), strict=True))
         if not any(moves.values()):

@@ -55,7 +55,7 @@ class Outcome:
 class Selection:
     """A search with the sets of effects that it has had: a path that comes back to one ends.
 
-    gains  {effect: what it promised as the base's first effect}
+    gains  {effect: its predicted gain as the base's first effect}
     begun  sets of many effects at once, and beside which, from which rounds began: from one they begin once
     ended  sets in which many effects at once ended: beside them no more are found so
     """

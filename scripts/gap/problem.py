@@ -72,7 +72,7 @@ class Case:
     state_features = STATE_FEATURES
     most_captures = most_held_out = MAX_CAPTURES  # that are fitted, that are held out
     draws = True  # images of its captures, which is what takes time
-    is_of_signs = False  # few a capture: first order promises little of effects, floors are seldom reached
+    is_of_signs = False  # few a capture: first order predicts little gain of effects, floors are seldom reached
     is_board = False  # photographs of a calibration board, not of a rig
     floor_within = 1.0  # factor to which the floor is known
     _scenes: dict = field(default_factory=dict)
@@ -273,7 +273,7 @@ class Case:
         capture.starts = library.starts_seen(image)
 
     def found_corners(self, image, starts):
-        """Return (corners (p, 4, 2), found (p,)): what ArUco finds of the rig, false finds far off or askew left out."""
+        """Return (corners (p, 4, 2), found (p,)): what ArUco detects of the rig; outliers are left out."""
         corners, found = np.full(starts.shape, np.nan), np.zeros(len(starts), bool)
         for k, quad in self.finder().corners(image).items():
             corners[k] = quad

@@ -17,7 +17,7 @@ def with_motion(problem, equations, nu):
     """Return equations {capture: (y (n,), Jt (n, k), Jp (n, 6))} of a BoardCase with a motion of each capture's own beside its
     pose, Jp (n + 6, 12) and the prior's rows last; None where motion makes what is left no more likely.
 
-    y are residuals of a twin in which nothing moves, of a loss as wide as ``nu``.
+    y are residuals of a twin in which nothing moves, ``nu`` is that of their robust loss.
     """
     motions = {i: _by_motion(problem.captures[i], problem.points, Jp) for i, (_, _, Jp) in equations.items()}
     left = [without_pose(y, motions[i], Jp, nu)[:2] for i, (y, _, Jp) in equations.items()]

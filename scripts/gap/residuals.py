@@ -12,7 +12,7 @@ GROUPS = (*GAP_GROUPS, "pose")
 
 
 def rho(y, nu=NU):
-    """Return the robust loss of whitened residuals, y^2 where small."""
+    """Return the robust loss of whitened residuals, y^2 where small; ``nu`` is NU times the robust scale squared."""
     return nu * np.log1p(y * y / nu)
 
 
@@ -114,10 +114,10 @@ def flatten(groups):
     return np.concatenate([groups[g].ravel() for g in GROUPS if g in groups])
 
 
-def width_of(groups):
-    """Return how much wider than noise residuals are, at least 1.
+def robust_scale_of(groups):
+    """Return the robust scale of residuals: their RMS in units of noise, at least 1.
 
-    Robust losses stick when started far away: a fit begins as wide as its residuals and narrows.
+    Robust losses stick when started far away: a fit begins at its residuals' scale and is annealed to 1.
     """
     return max(1.0, float(np.sqrt(np.mean([np.mean(flatten(g) ** 2) for g in groups.values()]))))
 

@@ -15,7 +15,7 @@ from gap.kept import kept
 from gap.normal_equations import gains_of_step, normal_equations
 from gap.parameters import fitted_parameters, is_geometric, spec
 from gap.problem import may_have
-from gap.residuals import GROUPS, NU, flatten, lost_plates, rho, total, width_of
+from gap.residuals import GROUPS, NU, flatten, lost_plates, rho, robust_scale_of, total
 from gap.score import error_of_sum, gains_by_station, group_gaps, group_losses, shared_gain
 from gap.split import probes, split_by_station, thinned, usable
 from gap.twin import Candidate, Twin
@@ -25,7 +25,7 @@ SCALE_FROM_START = 8.0  # the same from an effect's start, that of images too
 MAX_PARAMETERS = 12  # of an effect that is no free warp, and of a base that is fitted beside a candidate
 MIN_GAIN = 25.0  # in loss: less is not worth a fit, nor a name
 CLEAR_EVIDENCE = 16.0  # times MIN_GAIN that taking an effect out costs to second order: a refit need not tell
-SHARE_OF_MIMICS = 0.9  # of what an effect of many parameters brings, that simpler ones promise together
+SHARE_OF_MIMICS = 0.9  # of what an effect of many parameters brings, that simpler ones are predicted to bring together
 MAX_MIMICS, ALIKE_MIMICS = 2, 2  # of them (three make up for much by chance), sets of as many that are fitted
 MAX_HIDDEN = 0.05  # share of the held-out plates that a candidate may lose
 ITERATIONS_OF_STARTS = 2  # in a few captures, to choose a start
@@ -128,13 +128,15 @@ class Search:
     def floors_at(self, effects, poses, groups):
         """Return {group: floor}: what trials of a station differ by, or the twin's own captures from what it expects.
 
-        The second is more where noise meets a codec's leaps, or where a pattern repeats that only the real sensor knows;
+        The second is more where noise meets a codec's jumps, or where a pattern repeats that only the real sensor knows;
         it counts where the twin's noise is like the real one, as far as its own captures are alike.
         """
         floors, noise = self.problem.floors_of(groups), group_gaps(groups, {}).get("noise")
         if noise is None:
             return floors
-        own = self.solver.each(lambda i: self.solver.own_scatter(i, effects, poses[i]), probes(self.train))
+        own = self.solver.each(
+            lambda i: self.solver.self_simulation_residuals(i, effects, poses[i]), probes(self.train)
+        )
         scatter = group_gaps(own, {})
         if noise > MAX_NOISE_GAP * max(1.0, scatter.get("noise", 0.0)):
             return floors
@@ -144,7 +146,7 @@ class Search:
     def adopt(self, candidate):
         """Return the Twin of a candidate with all its effects refitted together.
 
-        A fit does not leap: discrete parameters of the other effects are compared once more beside the new one.
+        No fit moves them far: discrete parameters of the other effects are compared once more beside the new one.
         """
         twin = candidate.twin if candidate.complete else self.fitted(candidate.twin.effects, candidate.twin.poses)
         compared = self.discrete.compared_once_more(list(twin.effects), candidate.effect, twin.poses)
@@ -177,7 +179,7 @@ class Search:
         """Return the training loss {group: gain} that an effect that the twin has not could gain to first order.
 
         About its null, the twin's own parameters going along, or towards one of its starts: a prediction for each parameter
-        and start. What promises next to nothing need not be fitted.
+        and start. What is predicted to gain next to nothing need not be fitted.
         """
         starts, towards = self.problem.starts_of(effect), []
         if len(starts) > 1 or starts != library.starts_of(effect):
@@ -207,7 +209,7 @@ class Search:
 
     @kept
     def mimics(self, twin, effect, others):
-        """Return lists of other effects that promise together what one of a twin's own brings, the fewest first, then the best.
+        """Return lists of other effects predicted to gain together what one of a twin's own brings, the fewest first, then best.
 
         Asked to first order beside what else the twin has, refitted in a few captures; the most helpful is taken first.
         """
@@ -237,7 +239,7 @@ class Search:
         """Return (indices of the probes, their residual groups, robust nu) of a twin."""
         indices = probes(self.train)
         groups = self.solver.residuals_of(twin.effects, twin.poses, indices)
-        return indices, groups, NU * width_of(groups) ** 2
+        return indices, groups, NU * robust_scale_of(groups) ** 2
 
     def _beside(self, twin, probed):
         """Return the derivatives {i: (n, k)} of the probes by the twin's free parameters."""
@@ -270,7 +272,7 @@ class Search:
     # -- trying one -----------------------------------------------------------------------------------------------------
 
     def null_candidate(self, twin, effect):
-        """Return the Candidate of an effect that promises nothing: at its null, with the base's gap."""
+        """Return the Candidate of an effect without a predicted gain: at its null, with the base's gap."""
         return Candidate(effect, library.nulls_of(effect), twin, False)
 
     @kept

@@ -61,7 +61,7 @@ def verdict(problem, effects=(), candidates=None, fixed=(), budget=BUDGET, threa
         raise ValueError(search.why_unusable())
     base = search.fitted([e for e in problem.nuisances if e[0] not in dict(effects)] + list(effects))
     rigid = [n for n in search.candidates if not is_flexible(n) and n not in base.names]
-    first, gains = try_promising(search, base, rigid, MAX_TRIED)
+    first, gains = try_best_predicted(search, base, rigid, MAX_TRIED)
     first += [search.null_candidate(base, n) for n in search.candidates if is_flexible(n) and n not in base.names]
     return search, base, first, concluded(Selection(search, budget, gains, progress), base, first)
 
@@ -200,7 +200,7 @@ def path(selection, base, first, before, start_with=None, taken=()):
 def _with_simpler(selection, base, first, best, before):
     """Return the Outcome with simpler effects in the place of one of many parameters, a curve say, that stands for them.
 
-    Where one step of some simpler ones together promises what it brings, they take its place, if they then do as well.
+    Where the predicted gain of some simpler ones together is what it brings, they take its place, if they then do as well.
     """
     search, simple = selection.search, [c.effect for c in first if is_simple(c.effect)]
     for step in best.steps:
@@ -265,11 +265,11 @@ def _retraced(search, base, outcome, without, before):
 # -- candidates -----------------------------------------------------------------------------------------------------
 
 
-def try_promising(search, twin, names, most, beside=(), known=None):
+def try_best_predicted(search, twin, names, most, beside=(), known=None):
     """Return (candidates of some effects, best first; {effect: predicted gain}).
 
-    Those that promise most are fitted, the others stay at their null. ``known`` are gains that were predicted of an earlier
-    twin: what promised next to nothing is asked again only where nothing else is worth its name.
+    Those with the largest are fitted, the others stay at their null. ``known`` are gains that were predicted of an earlier
+    twin: what had next to none is asked again only where nothing else is worth its name.
     """
     names, known = [n for n in names if n not in twin.names], known or {}
     least = MIN_SHARE_OF_BEST * max((known.get(n, 0.0) for n in names), default=0.0)
@@ -283,21 +283,21 @@ def try_promising(search, twin, names, most, beside=(), known=None):
 
 
 def _fitted_ones(search, twin, by_group, most, beside, tried):
-    """Return {effect: Candidate} of those tried before and of those that promise most, ``by_group`` {effect: {group: gain}}.
+    """Return {effect: Candidate} of those tried before and of those predicted to gain most, ``by_group`` {effect: {group: gain}}.
 
-    They are fitted in the order of their predicted gains, none that promises far less than it would have to gain. Once one is
+    They are fitted in the order of their predicted gains, none predicted to gain far less than it would have to. Once one is
     worth its name, only its rivals are of interest: what else is missing is seen better beside it.
     """
     gains = {n: sum(g.values()) for n, g in by_group.items() if can_be_missing(n, g, twin.excess)}
     tried = dict(tried)
-    promising = sorted(gains, key=lambda n: (-gains[n], n))[:most]
-    alone = twin.names and not any(gains[n] >= RIVALS * gains[promising[0]] for n in promising[1:])
-    for name in promising:
+    best_predicted = sorted(gains, key=lambda n: (-gains[n], n))[:most]
+    alone = twin.names and not any(gains[n] >= RIVALS * gains[best_predicted[0]] for n in best_predicted[1:])
+    for name in best_predicted:
         lead = next((c for c in rank(tried.values()) if is_missing_from(search, twin, c)), None)
         least = RIVALS if lead and search.problem.draws else MIN_SHARE_OF_BEST
-        if name in tried or gains[name] < least * gains[promising[0]]:
+        if name in tried or gains[name] < least * gains[best_predicted[0]]:
             continue
-        if alone and name == promising[0] and not is_flexible(name):
+        if alone and name == best_predicted[0] and not is_flexible(name):
             start = search.start(twin, name, search.free([(name, library.nulls_of(name))]))
             tried[name] = search.try_jointly(twin, name, start, twin.poses)  # no rival: no fit of its own first
         else:
@@ -306,20 +306,20 @@ def _fitted_ones(search, twin, by_group, most, beside, tried):
 
 
 def try_beside_others(search, twin, names, known):
-    """Return (candidates of some effects, best first; their predicted gains), beside those of a twin, as ``try_promising``.
+    """Return (candidates of some effects, best first; their predicted gains), beside those of a twin, as ``try_best_predicted``.
 
-    What was adopted may have made up for a part of what promises most: the twin's few parameters are refitted with each.
+    What was adopted may have made up for a part of the largest predicted gain: the twin's few parameters are refitted with each.
     """
     free = search.free(twin.effects)
     beside = free if len(free) <= MAX_PARAMETERS else ()
-    return try_promising(search, twin, names, MAX_TRIED_AGAIN, beside, known)
+    return try_best_predicted(search, twin, names, MAX_TRIED_AGAIN, beside, known)
 
 
 def try_by_short_fits(search, twin, candidates):
     """Return the candidates, best first, of which those that a twin's effects undo, or that undo them, are fitted with everything
     else where they leave least after a short fit from their starts.
 
-    Their first order promises nothing.
+    Their predicted gain is zero to first order.
     """
     names = [c.effect for c in candidates if not (c.complete or is_flexible(c.effect))]
     undone = {name: [n for n in twin.names if library.undoes(n, name) or library.undoes(name, n)] for name in names}

@@ -112,7 +112,7 @@ class Photograph:
     def interpolated_as_seen_by(self, before, after):
         """Return the photograph as it is, interpolated between pixels where ``seen_by`` does: that smooths noise alike.
 
-        Of how far ``seen_by`` moves a pixel the distance from an even number is left: a pixel at most, without a leap.
+        Of how far ``seen_by`` moves a pixel the distance from an even number is left: a pixel at most, without a jump.
         """
         sources, corners = self._sources(before, after), self.features[:, CORNERS].reshape(-1, 2).copy()
         column, row = (np.rint(np.clip(v, 0, n - 1)).astype(int) for v, n in zip(corners.T, self._size, strict=True))

@@ -302,6 +302,6 @@ class SignatureSolver(Solver):
         """Return (poses, {i: residual groups}) of captures."""
         return poses, self.residuals_of(effects, poses, indices)
 
-    def own_scatter(self, i, effects, pose):
-        """Return what a twin's own captures scatter by: floors hold it already."""
+    def self_simulation_residuals(self, i, effects, pose):
+        """Return the residuals of captures that the twin itself takes: none, as floors hold what they scatter by already."""
         return {}

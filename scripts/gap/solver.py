@@ -24,7 +24,7 @@ from gap.parameters import (
     priors_of,
     with_parameters,
 )
-from gap.residuals import NU, Whitener, total, width_of
+from gap.residuals import NU, Whitener, robust_scale_of, total
 from rig.geometry import N_POSE
 
 STILL_FAR = 0.1  # share of its loss above which a step says that the next one gains as well
@@ -247,8 +247,8 @@ class Solver:
         groups = self.residuals_of(effects, poses, list(derivatives))
         for _ in range(STALE_STEPS):
             theta = np.array([get_parameter(effects, f) for f in free])
-            width = width_of(groups)
-            H, g, blocks = normal_equations(derivatives, groups, NU * width**2, prior_equations(effects, free))
+            robust_scale = robust_scale_of(groups)
+            H, g, blocks = normal_equations(derivatives, groups, NU * robust_scale**2, prior_equations(effects, free))
             d, moved = step_within(bounds_of(free), theta, H, g, blocks, poses, FIRST_DAMPING)
             trial = with_parameters(effects, free, theta + d)
             after = self.residuals_of(trial, moved, list(derivatives))
@@ -263,12 +263,12 @@ class Solver:
         effects = [(n, dict(p)) for n, p in effects]
         groups = self.residuals_of(effects, poses, train)
         moving = bool(free or self.problem.own)
-        width = width_of(groups) if moving else 1.0
+        robust_scale = robust_scale_of(groups) if moving else 1.0
         converged, derivatives = not moving, {}
         damping, age = FIRST_DAMPING, OLDEST_DERIVATIVES
         for _ in range(iterations):
             theta = np.array([get_parameter(effects, f) for f in free])
-            nu = NU * width**2
+            nu = NU * robust_scale**2
             loss = total(groups, nu) + prior_loss(free, theta)
             if age >= OLDEST_DERIVATIVES:
                 derivatives, age = self.derivatives(effects, free, poses, train), 0
@@ -289,22 +289,22 @@ class Solver:
                 age = OLDEST_DERIVATIVES
                 continue
             if not accepted:
-                converged = width == 1.0
+                converged = robust_scale == 1.0
                 if converged:
                     break
-                width, age = 1.0, 0  # derivatives are those of here
+                robust_scale, age = 1.0, 0  # derivatives are those of here
                 continue
             gain = loss - trial_loss
             derivatives = updated(derivatives, groups, trial_groups, d, trial_poses - poses, np.diag(H))
             effects, poses, groups = trial, trial_poses, trial_groups
             damping = max(damping / 10, 1e-6)
-            if width == 1.0 and gain < max(1.0, 1e-3 * loss):
+            if robust_scale == 1.0 and gain < max(1.0, 1e-3 * loss):
                 if not stale:
                     converged = True
                     break
                 age = OLDEST_DERIVATIVES
             if gain < STILL_FAR * loss:  # a robust loss hides what is far: come near before narrowing
-                width = max(1.0, width / 3)
+                robust_scale = max(1.0, robust_scale / 3)
         return Descent(State(effects, poses), tuple(free), groups, derivatives, converged)
 
     def without_rough(self, effects, rough, free, poses, train, iterations):
@@ -348,7 +348,7 @@ class Solver:
         moved = self.problem.corners_of(self.problem.captures[i], effects, end)
         return np.nan_to_num(flat(moved - self.problem.corners_of(self.problem.captures[i], effects, start)))
 
-    def own_scatter(self, i, effects, pose):
+    def self_simulation_residuals(self, i, effects, pose):
         """Return {group: whitened residuals} of a capture that the twin itself takes, noise and all, about the expected.
 
         What a pose could explain is taken out, as it is from a real capture.

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 MAX_CAPTURES = 6  # that are fitted, and as many that are held out
-PROBES = 3  # captures of each half that promises are read from, and noise
+PROBES = 3  # captures of each half that predicted gains are read from, and noise
 
 
 def split_by_station(case):
@@ -67,5 +67,5 @@ def usable(indices, case):
 
 
 def probes(indices):
-    """Return PROBES of the captures: promises are read from them, and noise, of which a few images tell enough."""
+    """Return PROBES of the captures: predicted gains are read from them, and noise, of which a few images tell enough."""
     return indices[:: max(1, len(indices) // PROBES)][:PROBES]

@@ -1,4 +1,4 @@
-"""What a twin may lack that undoes one another, as a blur and the sharpening after it: to first order neither promises much."""
+"""What a twin may lack that undoes one another, as a blur and the sharpening after it: each one's predicted gain is small."""
 
 from itertools import product
 

@@ -1,6 +1,6 @@
 """A campaign folder: the models of campaign.yaml and board.yaml, the two tables, every row checked.
 
-Campaigns come from strangers: nothing outside their folder is read, and the first departure from
+Campaigns are untrusted input: nothing outside their folder is read, and the first departure from
 docs/campaign-format.md is said in one message that names file, row, column and value.
 """
 
@@ -93,7 +93,7 @@ class Tolerance(Strict):
     angle_deg: float = Field(ge=0, le=45)
 
 
-class Board(Strict):
+class CalibrationBoard(Strict):
     """One calibration board, metres."""
 
     type: Literal["charuco", "chessboard", "aruco_grid", "apriltag_grid"]
@@ -134,7 +134,7 @@ class CampaignFile(Strict):
     name: str = Field(pattern=NAME, max_length=64)
     origin: Literal["camera", "simulated"]
     markers: str | None = None
-    target: Board | None = None
+    target: CalibrationBoard | None = None
     captures: str
     cameras: dict[str, NominalCamera] = Field(min_length=1)
     light: Literal["even"] | None

@@ -91,8 +91,8 @@ def _check_markers(rig, plates):
         )
 
 
-class Ladder(Strict):
-    """Plates on the ground along y, alternating between two columns."""
+class PlateRow(Strict):
+    """A ladder of plates on the ground along y, alternating between two columns."""
 
     dictionary: str = Field(description="OpenCV's name of the dictionary")
     first_id: int = Field(0, ge=0, description="ids count up from here")
@@ -119,7 +119,7 @@ class Ladder(Strict):
         ]  # fmt: skip
 
 
-class Board(Strict):
+class MarkerPanel(Strict):
     """An upright board of markers on a carriage: columns x rows plates facing the camera (towards -y)."""
 
     dictionary: str = Field(description="OpenCV's name of the dictionary")
@@ -187,8 +187,8 @@ class Experiment(Strict):
 class RigFile(Strict):
     """config/rigs/*.yaml: ladders on the ground or a board on a carriage."""
 
-    ladders: list[Ladder] = Field(default_factory=list, description="plates on the ground")
-    boards: list[Board] = Field(default_factory=list, description="upright boards, moved by distances_m")
+    ladders: list[PlateRow] = Field(default_factory=list, description="plates on the ground")
+    boards: list[MarkerPanel] = Field(default_factory=list, description="upright boards, moved by distances_m")
 
 
 @dataclass(frozen=True)

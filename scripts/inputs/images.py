@@ -1,4 +1,4 @@
-"""Open images from strangers: size and completeness are checked before anything is decoded."""
+"""Open untrusted images: size and completeness are checked before anything is decoded."""
 
 import contextlib
 import struct

@@ -1,6 +1,6 @@
 """What a photograph's file says of itself: EXIF (CIPA DC-008), and the tables with which a JPEG was compressed.
 
-Files come from strangers: whatever cannot be believed is left out and named in ``notes``; nothing here fails.
+Files are untrusted: whatever cannot be believed is left out and named in ``notes``; nothing here fails.
 """
 
 import functools

@@ -1,4 +1,4 @@
-"""Rows of a CSV table from strangers, as text, and the numbers in them; each mistake names file, row and column."""
+"""Rows of an untrusted CSV table, as text, and the numbers in them; each mistake names file, row and column."""
 
 import csv
 import math

@@ -1,4 +1,4 @@
-"""Read YAML from strangers: plain data only, duplicate keys refused, one message that names file and line."""
+"""Read untrusted YAML: plain data only, duplicate keys refused, one message that names file and line."""
 
 from pathlib import Path
 from types import NoneType, UnionType

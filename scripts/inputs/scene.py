@@ -5,7 +5,7 @@ from pathlib import Path
 
 from effects.base import Scene
 from inputs import tables
-from inputs.campaign import Board
+from inputs.campaign import CalibrationBoard
 from markers.contract import marker_plate
 from rig.targets import inverted_plate, target_plate
 
@@ -15,7 +15,7 @@ def load_scene(expand, register_json):
     expand = Path(expand)
     facts = json.loads((expand / "scene.json").read_text())
     if facts["target"]:
-        plate = target_plate(Board.model_validate(facts["target"]))
+        plate = target_plate(CalibrationBoard.model_validate(facts["target"]))
         plates = (inverted_plate(plate) if json.loads(Path(register_json).read_text())["inverted"] else plate,)
     else:
         plates = tuple(marker_plate(m) for m in tables.read_table(expand / "markers.csv", tables.MARKERS).itertuples())

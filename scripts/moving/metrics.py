@@ -9,7 +9,7 @@ from moving.truth import CORNERS, POSE
 MARKER = ["dictionary", "id"]
 CELL = ["trajectory", "frame", *MARKER]
 FALSE_SHARE = 0.5  # of a side: what is farther from the truth is another marker, or none
-KEPT_SHARE = 0.25  # of a side: what is carried on and nearer than this is still of use
+KEPT_SHARE = 0.25  # of a side: what is bridged (reported though unseen) and nearer than this is still of use
 MIN_AT_REST = 0.5  # of the frames in which a marker must be seen for its jitter to count
 
 
@@ -32,10 +32,10 @@ def pose_errors(reported, true):
 def match_reports(truth, reports):
     """Return (cells, false reports): the truth's rows with what was reported of each, and what is no marker there.
 
-    Added columns: seen, reported (seen or carried on), kept (reported within KEPT_SHARE of a side), corner_px,
-    translation_mm, rotation_deg, and the reported pose (rx_found...). A false report is one whose id is not in the
-    rig or whose corners are more than FALSE_SHARE of a side off, or the second of one id in one frame; those that were
-    carried on unseen are no false ids: far off they are only not kept.
+    Added columns: seen, reported (seen or bridged: extrapolated while unseen), kept (reported within KEPT_SHARE of a
+    side), corner_px, translation_mm, rotation_deg, and the reported pose (rx_found...). A false report is one whose id
+    is not in the rig or whose corners are more than FALSE_SHARE of a side off, or the second of one id in one frame;
+    bridged markers are no false ids: far off they are only not kept.
     """
     found = reports.merge(truth, on=CELL, how="left", suffixes=("_found", ""), indicator=True)
     error = corner_error_px(
@@ -147,7 +147,7 @@ def summary(cells, false, fps, at_rest):
     waits = first_seen_frames(cells)
     gaps, bridged = dropouts(cells)
     hidden = occlusions(cells)
-    carried = view[view.reported & ~view.seen]
+    extrapolated = view[view.reported & ~view.seen]
     jitter = jitter_at_rest(cells[cells.trajectory.isin(at_rest)])
     return {
         "frames": int(cells[["trajectory", "frame"]].drop_duplicates().shape[0]),
@@ -166,7 +166,7 @@ def summary(cells, false, fps, at_rest):
         "never_seen": int(np.isnan(waits).sum()),
         "dropout_frames": gaps,
         "dropout_frames_bridged": bridged,
-        "bridged_corner_median_px": _median(carried.corner_px),
+        "bridged_corner_median_px": _median(extrapolated.corner_px),
         "hidden_frames": int(hidden.hidden.sum()),
         "hidden_frames_lost": int(hidden.lost.sum()),
         "recovery_median_frames": _median(hidden.recovery),

@@ -44,7 +44,7 @@ def truth_table(moving, name):
 
     x0..y3    where the corners are seen, each in its own row (pixels)
     rx..tz    T_cam_marker when the row of the marker's centre is half exposed
-    side_px   mean side of the code in the image; smear_px how far its centre moves during the exposure
+    side_px   mean side of the code in the image; smear_px: length of the motion blur at its centre
     in_frame  the whole plate lies inside the frame and shows its front
     hidden    share of the plate that the occluder covers in the exposure, at most
     """
@@ -72,12 +72,12 @@ def _seen(moving, trajectory, motion, marker, t_s):
     pose = np.concatenate(split_pose(T_cam_marker))
     side = float(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).mean())
     ends = [project(K, trajectory(time_s + d), points[8]) for d in (-file.exposure_s / 2, file.exposure_s / 2)]
-    smear = float(np.linalg.norm(ends[1] - ends[0]))
+    blur = float(np.linalg.norm(ends[1] - ends[0]))
     limits = np.array([width, height]) - 1 - EDGE_PX
     facing = T_cam_marker[:3, 2] @ T_cam_marker[:3, 3] < 0
     in_frame = bool(facing and (plate > EDGE_PX).all() and (plate < limits).all())
     hidden = _hidden(K, trajectory, motion.occluder, plate, time_s, file.exposure_s) if in_frame else 0.0
-    return [*corners.ravel(), *pose, side, smear, in_frame, hidden]
+    return [*corners.ravel(), *pose, side, blur, in_frame, hidden]
 
 
 def _hidden(K, trajectory, occluder, plate, time_s, exposure_s):

@@ -23,7 +23,7 @@ SIZES = (50, 100, 250, 1000)  # of those that are named by their bits; the small
 
 
 def fits(points, board):
-    """Return whether BoardPoints are enough, and lie as on one plane that shows a inputs.campaign.Board."""
+    """Return whether BoardPoints are enough, and lie as on one plane that shows an inputs.campaign.CalibrationBoard."""
     if len(points.image) < boards.MIN_POINTS:
         return False
     side = board.square_m or board.marker_m + board.gap_m

@@ -39,7 +39,7 @@ def pitch_m(board):
 
 
 def layout(board):
-    """Return the Layout of a board with markers (inputs.campaign.Board), None where its dictionary has too few."""
+    """Return the Layout of a board with markers (inputs.campaign.CalibrationBoard), None where its dictionary has too few."""
     count = board.columns * board.rows // (2 if board.type == "charuco" else 1)
     if count > len(aruco_dictionary(board.dictionary).bytesList):
         return None
@@ -124,7 +124,7 @@ def _row_is_missing(view, lay, row):
 
 
 def other_layout(views, board):
-    """Return the Board whose markers lie where photographs show them, of other columns, rows, pattern or type.
+    """Return the CalibrationBoard whose markers lie where photographs show them, of other columns, rows, pattern or type.
 
     None where no such layout fits. Its lengths are the described ones, or ratios where the type is another; views as of
     ``rows_shown``.

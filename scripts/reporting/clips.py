@@ -1,6 +1,6 @@
 """Frames of a moving camera with what a detector reports drawn on them.
 
-Blue: seen. Orange, dashed: carried on unseen. Red: reported, and no marker is there. Thin and white: missed.
+Blue: seen. Orange, dashed: bridged (unseen, extrapolated). Red: reported, and no marker is there. Thin and white: missed.
 """
 
 import cv2
@@ -49,6 +49,6 @@ def _dashed(picture, points, colour):
 def put_title(picture, words, cells):
     """Write who, where and how many on top."""
     view = cells[cells.in_frame]
-    words += f": {int(view.seen.sum())} of {len(view)} seen, {int((view.reported & ~view.seen).sum())} carried on"
+    words += f": {int(view.seen.sum())} of {len(view)} seen, {int((view.reported & ~view.seen).sum())} bridged"
     for colour, thickness in (((0, 0, 0), 5), (WHITE, 2)):
         cv2.putText(picture, words, (16, 32), cv2.FONT_HERSHEY_SIMPLEX, 0.8, colour, thickness, cv2.LINE_AA)

@@ -13,7 +13,7 @@ COLUMNS = ["dictionary", "id", "code_m", "plate_m", "x", "y", "z", "rx", "ry", "
 
 
 def charuco_board(board):
-    """Return OpenCV's CharucoBoard of a board's description (inputs.campaign.Board); its y is down from the top left corner."""
+    """Return OpenCV's CharucoBoard of an inputs.campaign.CalibrationBoard; its y is down from the top left corner."""
     made = cv2.aruco.CharucoBoard(
         (board.columns, board.rows), board.square_m, board.marker_m, aruco_dictionary(board.dictionary)
     )
@@ -22,7 +22,7 @@ def charuco_board(board):
 
 
 def board_markers(board):
-    """Return the markers' table of a inputs.campaign.Board; no row for a chessboard.
+    """Return the markers' table of an inputs.campaign.CalibrationBoard; no row for a chessboard.
 
     A marker's plate is what is white around it: its square, or half the gap to its neighbours.
     """

@@ -39,7 +39,7 @@ class Patch:
 
 
 def board_patches(board, plate):
-    """Return the Patches of a board (inputs.campaign.Board) with a Plate: its inner black squares, or a grid's markers."""
+    """Return the Patches of a CalibrationBoard with a Plate: its inner black squares, or a grid's markers."""
     cells = black_rectangles(plate)
     if board.type in CHECKERED:
         half = board.square_m / 2

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from pydantic import ValidationError
 
-from inputs.campaign import Board
+from inputs.campaign import CalibrationBoard
 from inputs.experiment import rig_markers
 from markers.contract import marker_corners_world
 from register.boards import find_board
@@ -42,7 +42,7 @@ MIN_PHOTOGRAPHS = 3  # that show a chessboard alike: patterns without ids are fo
 class Pattern:
     """What was found.
 
-    board    inputs.campaign.Board, or None
+    board    inputs.campaign.CalibrationBoard, or None
     markers  the markers' table of a known rig or of loose markers, or None; rig is the known one's file
     guesses  {key of the board, or "square": why it is what it is}
     seen     one bool a photograph: whether it shows enough of it
@@ -137,7 +137,7 @@ def _board(dictionary, layout, square_m, marker_m):
     if not charuco or rows % 2:
         del given["legacy_pattern"]
     try:
-        board = Board.model_validate(given)
+        board = CalibrationBoard.model_validate(given)
     except ValidationError:
         return None
     return Pattern(board, None, guesses, layout.shown)
@@ -241,7 +241,7 @@ def _chessboard(images, square_m):
     seen_so = sizes[rows, columns]
     with_it = [image for image, size in zip(images, found, strict=True) if size == (rows, columns)]
     rows, columns = _whole(with_it, rows, columns)
-    board = Board(type="chessboard", columns=columns, rows=rows, square_m=square_m or GUESSED_SQUARE_M)
+    board = CalibrationBoard(type="chessboard", columns=columns, rows=rows, square_m=square_m or GUESSED_SQUARE_M)
     guesses = {"columns": f"inner corners, as {seen_so} of {len(images)} photographs show them"}
     if square_m is None:
         guesses["square_m"] = "GUESSED: measure it on the print"
@@ -256,7 +256,7 @@ def _whole(images, rows, columns):
     sizes = [(rows + more, columns + wider) for more in (0, 1) for wider in (0, 1)]
     counts = {}
     for height, width in sizes:
-        board = Board(type="chessboard", columns=width, rows=height, square_m=GUESSED_SQUARE_M)
+        board = CalibrationBoard(type="chessboard", columns=width, rows=height, square_m=GUESSED_SQUARE_M)
         counts[height, width] = sum(len(find_board(image, board).image) > 0 for image in images[::step])
     enough = max(counts.values()) / 2
     return max((s for s in sizes if counts[s] >= enough), key=lambda s: s[0] * s[1]) if enough else (rows, columns)

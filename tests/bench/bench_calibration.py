@@ -18,7 +18,7 @@ import cv2  # noqa: E402
 from tabulate import tabulate  # noqa: E402
 
 from detectors import contract  # noqa: E402
-from inputs.campaign import Board, load_campaign  # noqa: E402
+from inputs.campaign import CalibrationBoard, load_campaign  # noqa: E402
 from inputs.images import read_image  # noqa: E402
 from record import record  # noqa: E402
 from register import boards, calibration  # noqa: E402
@@ -27,7 +27,7 @@ from rig.errors import InputError  # noqa: E402
 
 REAL = ROOT.parent / "shared" / "real"
 VIDEO_SET = "charuco5x5_wpical_1080p"
-VIDEO_BOARD = Board(
+VIDEO_BOARD = CalibrationBoard(
     type="charuco", dictionary="DICT_5X5_1000", columns=12, rows=8, square_m=0.01801, marker_m=0.014
 )  # as its README has it
 RMS_LINE = re.compile(

@@ -33,7 +33,7 @@ def timed(folder, project, effect):
     """Return a row: what is hidden, the verdict, its seconds."""
     kinds = {NOTHING: ("none", 0, "cost"), EIGHT: ("whole", EIGHT_INDEX, EIGHT_SEED)}
     drawn = kinds.get(effect, ("single", 0, "cost", effect))
-    name, _ = generate_trial(folder / "campaigns", folder / "envelopes", *drawn)
+    name, _ = generate_trial(folder / "campaigns", folder / "sealed_truths", *drawn)
     start = time.perf_counter()
     status, said = snakemake(
         project, "--cores", 2, "diagnose", "--config", f"campaign={folder / 'campaigns' / name}", timeout_s=LONGEST_S

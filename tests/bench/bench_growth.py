@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 
 from record import TABLE, read_figures, record
-from tiny_campaign import HEIGHT, WIDTH, lay_down
+from tiny_campaign import HEIGHT, WIDTH, write_campaign
 from workflow_runs import copy_project, detectors
 
 COUNTS = (100, 1_000, 10_000, 50_000)
@@ -33,13 +33,13 @@ COMMAND = "python tests/bench/bench_growth.py"
 PICTURE = ROOT / "docs/growth.png"
 
 
-def lay_down_many(folder, count):
+def write_large_campaign(folder, count):
     """Write a campaign of ``count`` captures by one camera to ``folder`` and return it; no two images are the same."""
     rows = ["capture,camera,height_m,tilt_deg,trial,image\n"]
     for k in range(count):
         height_m = 0.3 + 0.0001 * (k // TRIALS)
         rows.append(f"c{k:06d},left,{height_m:.4f},45,{k % TRIALS},images/left/{k:06d}.png\n")
-    lay_down(folder, only_left, captures="".join(rows))
+    write_campaign(folder, only_left, captures="".join(rows))
     for path in (folder / "images").rglob("*.png"):
         path.unlink()
     rng = np.random.default_rng(1)
@@ -79,7 +79,7 @@ def disk_mib(folder):
 def measure(count, run):
     """Return [(what, figure, unit)] of a campaign of ``count`` captures; run False: of its plan alone."""
     with tempfile.TemporaryDirectory() as folder:
-        project, campaign = copy_project(Path(folder) / "project"), lay_down_many(Path(folder) / "tiny", count)
+        project, campaign = copy_project(Path(folder) / "project"), write_large_campaign(Path(folder) / "tiny", count)
         snakemake = [sys.executable, "-m", "snakemake", "--cores", "2"]
         config = ["--config", f"campaign={campaign}", *CONFIG]
         seconds, gib = measured([*snakemake, "-n", "--quiet", "all", *config], project)

@@ -24,7 +24,7 @@ import yaml
 
 from killed_runs import STAGES, finished, killed
 from record import record
-from tiny_campaign import lay_down_seen
+from tiny_campaign import write_seen_campaign
 from workflow_runs import copy_project, detectors, numbers_of, snakemake
 
 CONFIG = (
@@ -37,7 +37,7 @@ PULLED = "data/raw/frame.dvc"
 
 def one_camera(folder):
     """Lay the campaign down with one of its cameras, and return it."""
-    campaign = lay_down_seen(folder)
+    campaign = write_seen_campaign(folder)
     table, described = campaign / "captures.csv", campaign / "campaign.yaml"
     table.write_text("".join(line for line in table.read_text().splitlines(keepends=True) if ",right," not in line))
     data = yaml.safe_load(described.read_text())

@@ -17,7 +17,7 @@ import cv2
 from tabulate import tabulate
 
 from gap.select_effects import verdict
-from marker_photographs import lay_down_markers
+from marker_photographs import write_marker_campaign
 from record import record
 from trials.observe_trial import observe_camera, observed_cases
 
@@ -34,7 +34,7 @@ HIDDEN = {"": {}, "radial_distortion": {"k1": -0.05}, "lens_blur": {"blur_px": 0
 
 def named(families, hidden, folder):
     """Return (verdict, names, gaps before and after, seconds) of a rig of some families with something hidden."""
-    campaign = lay_down_markers(folder / "campaign", families, **hidden)
+    campaign = write_marker_campaign(folder / "campaign", families, **hidden)
     observe_camera(campaign, "cam", folder / "observed" / "cam")
     start = time.perf_counter()
     _, base, _, outcome = verdict(observed_cases(folder / "observed")[0])

@@ -16,13 +16,13 @@ sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests"), str(ROOT / "tests/be
 
 from full_disk import TARGETS
 from record import record
-from tiny_campaign import lay_down
+from tiny_campaign import write_campaign
 
 
 def main():
     """Fill the disk in all stages, print and record; exit with 1 where one did not end well."""
     with tempfile.TemporaryDirectory() as folder:
-        campaign = lay_down(Path(folder) / "tiny")
+        campaign = write_campaign(Path(folder) / "tiny")
         command = [sys.executable, str(Path(__file__).with_name("full_disk.py")), folder, str(campaign), *TARGETS]
         done = subprocess.run(["unshare", "-rm", *command], capture_output=True, text=True, check=False)
     if done.returncode:

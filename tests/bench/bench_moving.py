@@ -38,7 +38,7 @@ SHOWN = {
 }
 
 
-def lay_down(folder, seed):
+def write_experiment(folder, seed):
     """Write the experiment with another seed and only the trajectories that are needed; return its path."""
     content = load_yaml(PROJECT / "config/moving/default.yaml")
     content |= {"name": "bench", "seed": seed}
@@ -52,7 +52,7 @@ def lay_down(folder, seed):
 
 def measure(folder, seed):
     """Return the measures (detector, trajectory) as a table."""
-    experiment = lay_down(folder, seed)
+    experiment = write_experiment(folder, seed)
     detectors = list(load_moving(experiment).file.detectors)
     trace_moving(experiment, folder / "truth.csv", folder / "markers.csv")
     frames = {name: folder / "frames" / name for name in TRAJECTORIES}

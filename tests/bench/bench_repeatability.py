@@ -18,7 +18,7 @@ sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests")]
 import pandas as pd
 
 from record import record
-from tiny_campaign import lay_down_seen
+from tiny_campaign import write_seen_campaign
 from workflow_runs import copy_project, numbers_of, snakemake
 
 LONGEST_S = 7200
@@ -101,7 +101,7 @@ def main():
     tiny = parser.parse_args().tiny
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
-        campaign = lay_down_seen(folder / "tiny") if tiny else ROOT / "data/raw/frame"
+        campaign = write_seen_campaign(folder / "tiny") if tiny else ROOT / "data/raw/frame"
         sys.exit(1 if measure(folder, campaign, ["diagnose={candidates: [lens_blur]}"] if tiny else []) else 0)
 
 

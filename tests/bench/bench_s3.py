@@ -18,7 +18,7 @@ sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests")]
 
 import object_store
 from record import record
-from tiny_campaign import lay_down
+from tiny_campaign import write_campaign
 from verify_data import files_of
 from workflow_runs import PARTS, detectors, numbers_of
 
@@ -72,14 +72,14 @@ class Clone:
         return said
 
 
-def lay_down_project(clone, address):
+def make_project(clone, address):
     """Make a git repository of the workflow with a tiny campaign in it that DVC tracks and keeps in the store."""
     clone.folder.mkdir(parents=True)
     for name in PARTS:
         source = ROOT / name
         (shutil.copytree if source.is_dir() else shutil.copy)(source, clone.folder / name)
     (clone.folder / ".gitignore").write_text("/results/\n/.snakemake/\n__pycache__/\n")
-    lay_down(clone.folder / "data/raw/tiny")
+    write_campaign(clone.folder / "data/raw/tiny")
     clone.run("git", "init", "-q")
     clone.run("dvc", "init", "-q")
     clone.run("dvc", "remote", "add", "--default", "team", f"s3://{object_store.BUCKET}/twingap")
@@ -129,7 +129,7 @@ def main():
         folder = Path(folder)
         with object_store.serving(TOOLS.resolve() / "bin/python", folder) as (address, environment):
             first, clone = Clone(folder / "first", environment), Clone(folder / "clone", environment)
-            lay_down_project(first, address)
+            make_project(first, address)
             first.run("git", "clone", "-q", first.folder, clone.folder)
             clone.run("dvc", "pull", "-q")
             same = files_of(first.folder / "data/raw/tiny") == files_of(clone.folder / "data/raw/tiny")

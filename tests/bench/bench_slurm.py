@@ -20,7 +20,7 @@ sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests")]
 
 import slurm_node
 from record import record
-from tiny_campaign import lay_down_seen
+from tiny_campaign import write_seen_campaign
 from workflow_runs import copy_project, numbers_of, snakemake
 
 LONGEST_S = 7200
@@ -71,7 +71,7 @@ def main():
         )
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
-        campaign = lay_down_seen(folder / "tiny") if options.tiny else ROOT / "data/raw/frame"
+        campaign = write_seen_campaign(folder / "tiny") if options.tiny else ROOT / "data/raw/frame"
         config = [f"campaign={campaign}", *(TINY if options.tiny else [])]
         here, there = folder / "here", copy_project(folder / "there")
         if options.local:

@@ -32,34 +32,34 @@ class Inputs:
     """Broken files without end, each known by its number: valid ``files`` (bytes), and the edits that break them.
 
     kinds   of edits, functions; odd: what they put in
-    mended  function that puts right what a reader checks first, such as checksums, in half of the inputs; or None
+    repair  function that puts right what a reader checks first, such as checksums, in half of the inputs; or None
     """
 
     files: tuple
     kinds: tuple
     odd: tuple
-    mended: Callable | None = None
+    repair: Callable | None = None
 
     def drawn(self, number):
-        """Return what makes the input of a number: (valid file, another one, edits, whether to mend)."""
+        """Return what makes the input of a number: (valid file, another one, edits, whether to repair)."""
         rng = random.Random(number)
         edits = [
             (rng.choice(self.kinds), rng.random(), rng.random(), rng.choice(self.odd), rng.randrange(256))
             for _ in range(rng.randint(1, MAX_EDITS))
         ]
-        return rng.choice(self.files), rng.choice(self.files), edits, self.mended is not None and rng.random() < 0.5
+        return rng.choice(self.files), rng.choice(self.files), edits, self.repair is not None and rng.random() < 0.5
 
-    def made(self, file, other, edits, mend):
+    def made(self, file, other, edits, repaired):
         """Return the input, bytes."""
         for kind, where, to, odd, number in edits:
             file = kind(file, where, to, odd, number, other)
-        return self.mended(file) if mend else file
+        return self.repair(file) if repaired else file
 
 
 def fewer_edits(drawn):
     """Return what was drawn with one edit less, in each way."""
-    file, other, edits, mend = drawn
-    return [(file, other, edits[:k] + edits[k + 1 :], mend) for k in range(len(edits))]
+    file, other, edits, repaired = drawn
+    return [(file, other, edits[:k] + edits[k + 1 :], repaired) for k in range(len(edits))]
 
 
 def text_inputs(files):
@@ -67,9 +67,9 @@ def text_inputs(files):
     return Inputs(tuple(files), TEXT_EDITS, ODD_TEXTS)
 
 
-def binary_inputs(files, mended=None):
+def binary_inputs(files, repair=None):
     """Return Inputs of broken binary files."""
-    return Inputs(tuple(files), BYTE_EDITS, ODD_NUMBERS, mended)
+    return Inputs(tuple(files), BYTE_EDITS, ODD_NUMBERS, repair)
 
 
 def _token(data, where, to, odd, number, other):
@@ -148,7 +148,7 @@ TEXT_EDITS = (_token, _token, _token, _other_token, _other_token, _insert, _line
 BYTE_EDITS = (_number, _number, _number, _byte, _byte, _cut, _piece, _splice)
 
 
-def png_mended(data):
+def png_with_valid_checksums(data):
     """Return a PNG with the checksums that its chunks should have, so that its reader comes beyond them."""
     out, at = bytearray(data[:8]), 8
     while at + 12 <= len(data):

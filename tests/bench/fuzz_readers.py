@@ -1,6 +1,6 @@
 """The readers of foreign files that the fuzzer tries: for each the valid files it starts from, and how it is called.
 
-``readers(folder)`` lays down what they need in a folder and returns {name: Reader}. A reader is right where it returns or
+``readers(folder)`` writes what they need to a folder and returns {name: Reader}. A reader is right where it returns or
 raises InputError with a message of one printable line.
 """
 
@@ -23,7 +23,7 @@ from calibrations.formats import available_formats, read_calibration
 from calibrations.lens import Calibration
 from detect_markers import read_frames
 from detect_markers import read_image as read_any_image
-from fuzz_inputs import Inputs, binary_inputs, png_mended, text_inputs
+from fuzz_inputs import Inputs, binary_inputs, png_with_valid_checksums, text_inputs
 from inputs import tables
 from inputs.campaign import load_campaign, read_captures, read_description, read_markers
 from inputs.config import check_config
@@ -35,7 +35,7 @@ from inputs.safe_yaml import load_yaml
 from inputs.twins import load_twin
 from moving.config import load_moving
 from register_captures import read_board
-from tiny_campaign import description, lay_down
+from tiny_campaign import description, write_campaign
 from verify_data import tracked_listing, tracked_md5
 from workflow_runs import PROJECT
 
@@ -97,7 +97,7 @@ def _text(path, files, call):
 
 
 def _of_campaigns(folder):
-    campaign = lay_down(folder)
+    campaign = write_campaign(folder)
     (campaign / "camera.yaml").write_text(_calibration("opencv", 5))
     photographs = description() | {"target": yaml.safe_load(BOARDS[0]), "light": "unknown", "exposure": "auto"}
     del photographs["markers"], photographs["tolerance"]
@@ -206,7 +206,7 @@ def _of_images(folder):
     }  # fmt: skip
     made = {}
     for kind, (name, images) in files.items():
-        inputs = binary_inputs(images, png_mended if kind == "PNG" else None)
+        inputs = binary_inputs(images, png_with_valid_checksums if kind == "PNG" else None)
         made[f"images: {kind}"] = Reader(folder / name, inputs, read_image)
         made[f"EXIF and tables: {kind}"] = Reader(folder / f"facts_{name}", inputs, _all_facts)
     others = [cv2.imencode(end, colour)[1].tobytes() for end in (".bmp", ".webp", ".ppm")]

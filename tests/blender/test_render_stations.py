@@ -33,7 +33,7 @@ with job.one_message():
 """
 
 
-def lay_down(folder, heights=(0.3, 0.4, 0.5), black=0.05):
+def write_rig_tables(folder, heights=(0.3, 0.4, 0.5), black=0.05):
     """Write the expanded tables of a small rig; return the arguments of render_stations."""
     expand = folder / "expand"
     columns = list(tables.MARKERS.columns)
@@ -77,7 +77,7 @@ def run(arguments):
 
 def test_only_what_changed_is_rendered(tmp_path):
     """Were keys too coarse, old pixels would stay; too fine, everything would be rendered again and again."""
-    arguments = lay_down(tmp_path)
+    arguments = write_rig_tables(tmp_path)
     manifest, rendered = run(arguments)
     assert rendered == ["h0.3", "h0.4", "h0.5"] == sorted(manifest["stations"])
     assert manifest["device"] == "CPU" and manifest["blender"].startswith("5.")
@@ -88,16 +88,16 @@ def test_only_what_changed_is_rendered(tmp_path):
     (tmp_path / "render/c/h0.4.npz").write_bytes(b"cut short")
     again, rendered = run(arguments)
     assert rendered == ["h0.4"] and again == manifest
-    lay_down(tmp_path, heights=(0.3, 0.45))
+    write_rig_tables(tmp_path, heights=(0.3, 0.45))
     assert run(arguments)[1] == ["h0.45"]
-    lay_down(tmp_path, heights=(0.3, 0.45), black=0.06)
+    write_rig_tables(tmp_path, heights=(0.3, 0.45), black=0.06)
     assert run(arguments)[1] == ["h0.3", "h0.45"]
     assert not list((tmp_path / "render").glob(".*"))
 
 
 def test_scene_effects_take_part(tmp_path):
     """Were the twin's scene effects ignored, an adopted lamp would never be seen."""
-    arguments = lay_down(tmp_path, heights=(0.3,))
+    arguments = write_rig_tables(tmp_path, heights=(0.3,))
     plain, _ = run(arguments)
     arguments["effects"] = [["illumination_gradient", {"gradient_x": 0.5}]]
     lit, rendered = run(arguments)
@@ -108,7 +108,7 @@ def test_scene_effects_take_part(tmp_path):
 def test_killed_run_goes_on(tmp_path):
     """Were stations written in one go at the end, a kill in the middle would lose them all."""
     heights = tuple(np.round(np.linspace(0.3, 0.6, 12), 3))
-    arguments = lay_down(tmp_path, heights)
+    arguments = write_rig_tables(tmp_path, heights)
     process = subprocess.Popen(
         [sys.executable, "-c", CODE, json.dumps(arguments)],
         cwd=SCRIPTS,
@@ -127,7 +127,7 @@ def test_killed_run_goes_on(tmp_path):
     assert 2 <= len(kept) < 12
     manifest, rendered = run(arguments)
     assert len(manifest["stations"]) == 12 and set(rendered) == set(manifest["stations"]) - kept
-    whole = lay_down(tmp_path / "other", heights)
+    whole = write_rig_tables(tmp_path / "other", heights)
     assert run(whole)[0]["stations"] == manifest["stations"]
 
 
@@ -138,9 +138,9 @@ def test_full_disk_is_one_message(tmp_path, monkeypatch, caplog, where):
     import job
     from render_stations import render_stations
 
-    arguments = lay_down(tmp_path)
+    arguments = write_rig_tables(tmp_path)
     before, _ = run(arguments)
-    lay_down(tmp_path, black=0.07)
+    write_rig_tables(tmp_path, black=0.07)
 
     def full(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "disk")

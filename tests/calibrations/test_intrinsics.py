@@ -8,7 +8,7 @@ from calibrations.lens import Calibration
 from inputs.campaign import load_campaign
 from job_inputs import jobs_of
 from rig.errors import InputError
-from tiny_campaign import HEIGHT, WIDTH, lay_down
+from tiny_campaign import HEIGHT, WIDTH, write_campaign
 from workflow_runs import copy_project, pretend
 
 OWN = Calibration(WIDTH, HEIGHT, 51.5, 50.25, 30.75, 24.0, "opencv", LENSES["opencv", 4])
@@ -28,7 +28,7 @@ def with_file(name, drop=("fx", "fy", "cx", "cy")):
 
 def lay(folder, text, name="left.yaml", **options):
     """Write a campaign whose camera left has its intrinsics in a file of this text."""
-    lay_down(folder, with_file(name, **options))
+    write_campaign(folder, with_file(name, **options))
     (folder / "left.yaml").write_text(text)
     return folder
 

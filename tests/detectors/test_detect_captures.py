@@ -17,7 +17,7 @@ from rig.errors import InputError
 
 @pytest.fixture
 def run(tmp_path):
-    """Return a function that lays down a tiny camera, runs one detector and returns its tables and the truth."""
+    """Return a function that writes the files of a tiny camera, runs one detector and returns its tables and the truth."""
     image, truth = scene(np.random.default_rng(0), 640, 480, 4, (60, 70), (10, 30))
     (tmp_path / "images").mkdir()
     (tmp_path / "twin").mkdir()

@@ -216,8 +216,8 @@ Reasons:
 """
 
 
-def test_auto_climbs_until_nothing_is_left(place, monkeypatch, capsys):
-    """All of the climb is adopted and diagnosed again; at the end stands the verdict and what will rerun."""
+def test_auto_adopts_until_nothing_is_left(place, monkeypatch, capsys):
+    """All steps are adopted and diagnosed again; at the end stands the verdict and what will rerun."""
     folder = place.parents[3] / "data/raw/c"
     folder.mkdir(parents=True)
     (folder / "campaign.yaml").write_text("name: c\n")
@@ -267,7 +267,7 @@ def piped(project, *command, lines=0):
 
 
 @pytest.mark.parametrize(("lines", "adopted"), [(0, []), (1, ["ink_spread", "lens_blur"])])
-def test_a_closed_pipe_ends_a_climb_between_whole_adoptions(place, project, lines, adopted):
+def test_a_closed_pipe_ends_auto_between_whole_adoptions(place, project, lines, adopted):
     """Fails if `--auto | head` leaves an effect in the twin's file that the diagnosis does not know."""
     status, said = piped(project, adopt_effect.__file__, "cam", "--auto", "--campaign", "c", lines=lines)
     assert (status, said) == (1, CLOSED)

@@ -7,7 +7,7 @@ from effect_views import MARGIN, noise_image, parameters, view
 
 from effects import encoding, filters, jpeg_compression, library, pipeline
 from effects.base import light_factor
-from effects.motion_blur import smear_kernel
+from effects.motion_blur import motion_blur_kernel
 
 FOUND = library.available_effects()
 FRAME = np.s_[MARGIN:-MARGIN, MARGIN:-MARGIN]
@@ -62,8 +62,8 @@ def test_blurs_spread_what_they_say(blur, sigma):
 
 @pytest.mark.parametrize(("dx", "dy"), [(0.3, 0), (1.0, 0.0), (0, 4.0), (3.0, -2.0), (10.5, 7.0)])
 def test_motion_spreads_what_it_says(dx, dy):
-    """A smear of length L has the variance L^2 / 12 along its way."""
-    kernel = smear_kernel(dx, dy)
+    """Motion blur of length L has the variance L^2 / 12 along its way."""
+    kernel = motion_blur_kernel(dx, dy)
     _, vx, vy = moments(kernel[..., None])
     assert kernel.sum() == pytest.approx(1)
     assert vx + vy == pytest.approx((dx * dx + dy * dy) / 12, rel=1e-3)

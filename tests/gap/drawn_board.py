@@ -6,13 +6,13 @@ from effects import pipeline
 from effects.base import Scene, View
 from gap.photographs import photographs_case
 from gap.problem import MARGIN_PX, Capture
-from inputs.campaign import Board
+from inputs.campaign import CalibrationBoard
 from rig.geometry import camera_matrix, make_pose
 from rig.light import LIGHT
 from rig.patches import board_patches
 from rig.targets import target_plate
 
-BOARD = Board.model_validate({"type": "chessboard", "columns": 8, "rows": 6, "square_m": 0.03})
+BOARD = CalibrationBoard.model_validate({"type": "chessboard", "columns": 8, "rows": 6, "square_m": 0.03})
 SCENE = Scene((target_plate(BOARD),), 0.9, 0.04, 0.9, 0.9)
 K = camera_matrix(420.0, 420.0, 159.5, 119.5)
 

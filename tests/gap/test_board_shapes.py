@@ -1,4 +1,4 @@
-"""Boards that are bent or printed askew, pixels that are not square: points by OpenCV, so that what is hidden is known."""
+"""Boards that are bent or stretched in print, pixels that are not square: points by OpenCV, so that what is hidden is known."""
 
 from dataclasses import replace
 from types import SimpleNamespace

@@ -5,11 +5,11 @@ import pytest
 
 from effects.base import Scene
 from gap.capture_light import light_of, photograph_light, seen_places
-from inputs.campaign import Board
+from inputs.campaign import CalibrationBoard
 from rig.light import LIGHT, BoardPlace, free_numbers, lit
 from rig.targets import target_plate
 
-BOARD = Board.model_validate({"type": "chessboard", "columns": 8, "rows": 6, "square_m": 0.03})
+BOARD = CalibrationBoard.model_validate({"type": "chessboard", "columns": 8, "rows": 6, "square_m": 0.03})
 PLATE = target_plate(BOARD)
 WHITE, BLACK = 0.9, 0.05
 EVERYTHING = free_numbers(("light", "exposure", "white_balance", "reflectance"))

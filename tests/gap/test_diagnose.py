@@ -118,8 +118,8 @@ def test_what_the_first_step_made_up_for_is_found_beside_it(tmp_path, seed, inde
     assert set(named(outcome)) == set(hidden)
 
 
-def test_glare_promises_much_beside_a_curve_that_took_it_up(tmp_path):
-    """A curve that was fitted alone has taken up how glare lifts black: a promise with that curve held would be next to none."""
+def test_glare_has_the_largest_predicted_gain_beside_a_curve_that_took_it_up(tmp_path):
+    """A curve fitted alone has taken up how glare lifts black: with that curve held its predicted gain would be next to none."""
     case, _ = generated_case(tmp_path, "pair", seed="meridian", index=11, size="standard")
     search = Search(case)
     twin = search.adopt(search.try_effect(search.fitted([]), "tone_curve"))
@@ -127,7 +127,7 @@ def test_glare_promises_much_beside_a_curve_that_took_it_up(tmp_path):
     assert max(gains, key=gains.get) == "veiling_glare"
 
 
-def test_what_closes_a_small_part_of_a_stranger_gets_no_name(tmp_path):
+def test_what_closes_a_small_part_of_an_effect_outside_the_library_gets_no_name(tmp_path):
     """Stuck pixels move the mean of flats: a curve and noise follow that, and are not what is missing."""
     case, _ = generated_case(tmp_path, "outside", seed="meridian", index=29, size="standard")
     _, _, _, outcome = verdict(case, candidates=["tone_curve", "sensor_noise"])
@@ -238,7 +238,7 @@ def test_a_search_that_comes_back_ends():
 
 
 def test_a_jpeg_quality_is_found_across_its_leaps(tmp_path):
-    """Quantisation changes by leaps: a fit that creeps from a start far off stays at a wrong quality."""
+    """Quantisation changes discontinuously: a fit that creeps from a start far off stays at a wrong quality."""
     case, truth = generated_case(tmp_path, "single", "jpeg_compression", seed="leaps")
     search = Search(case)
     quality = truth["effects"][0]["library_parameters"]["quality"]
@@ -257,16 +257,16 @@ def test_a_glossy_lamp_is_seen_from_afar(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def smeared(tmp_path_factory):
-    """(Search, Twin) of a camera that was smeared and looks misaligned, its smear in the twin."""
-    case, _ = generated_case(tmp_path_factory.mktemp("smeared"), "single", "motion_blur")
+def motion_blurred(tmp_path_factory):
+    """(Search, Twin) of a camera with motion blur that looks misaligned, the blur in the twin."""
+    case, _ = generated_case(tmp_path_factory.mktemp("motion_blurred"), "single", "motion_blur")
     search = Search(case, CANDIDATES)
     return search, search.adopt(search.try_effect(search.fitted([]), "motion_blur"))
 
 
-def test_held_out_captures_are_scored_at_their_poses_wherever_the_mount_turned_them(smeared):
+def test_held_out_captures_are_scored_at_their_poses_wherever_the_mount_turned_them(motion_blurred):
     """A candidate that turns the camera leaves held-out captures far off: scored before they came back, it would lose."""
-    search, twin = smeared
+    search, twin = motion_blurred
     mount = {
         "turn_x_deg": 0.1,
         "turn_y_deg": -1.2,
@@ -280,18 +280,18 @@ def test_held_out_captures_are_scored_at_their_poses_wherever_the_mount_turned_t
     assert after < 1.1 * before
 
 
-def test_a_mount_is_known_as_well_as_the_poses_of_all_captures_tell(smeared):
+def test_a_mount_is_known_as_well_as_the_poses_of_all_captures_tell(motion_blurred):
     """Mount and poses nearly cancel: derivatives that are led along from step to step would make its error any size."""
-    search, twin = smeared
+    search, twin = motion_blurred
     candidate = search.try_effect(twin, "camera_pose_offset")
     known = np.degrees(search.problem.sigma_pose[:3]) / np.sqrt(len(search.train))
     errors = np.array([candidate.twin.errors["camera_pose_offset", f"turn_{axis}_deg"] for axis in "xyz"])
     np.testing.assert_allclose(errors, known, rtol=0.4)
 
 
-def test_what_the_user_fixed_stays_fixed_parameter_by_parameter(smeared):
+def test_what_the_user_fixed_stays_fixed_parameter_by_parameter(motion_blurred):
     """Fails if a number beside a `fit` in a twin file were refitted from the first adoption on."""
-    search, _ = smeared
+    search, _ = motion_blurred
     with_fixed = Search(search.problem, CANDIDATES, fixed={("vignetting", "a2")})
     twin = with_fixed.fitted([("vignetting", {"a2": 0.03, "a4": 0.0, "a6": 0.0})])
     assert dict(twin.effects)["vignetting"]["a2"] == 0.03

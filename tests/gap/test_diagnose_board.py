@@ -50,7 +50,7 @@ def test_a_lens_without_distortion_is_not_blamed(tmp_path):
     assert verdict["steps"] == []
 
 
-def test_what_promised_little_beside_a_strong_lens_is_asked_again(tmp_path):
+def test_what_had_a_small_predicted_gain_beside_a_strong_lens_is_asked_again(tmp_path):
     """Fails if an effect that a strong lens hides at first is asked no more while another, not worth its name, gains a little."""
     candidates = ["radial_distortion", "principal_point", "tangential_distortion", "board_bend", "pixel_aspect"]
     verdict, _, _ = verdict_on(shared("real/chess_gopro_wide"), tmp_path, candidates)
@@ -75,7 +75,7 @@ def test_cells_tell_what_points_cannot(tmp_path):
     assert sorted(names) == [
         "denoising",
         "sensor_noise",
-    ]  # in either order: they promise nearly alike
+    ]  # in either order: their predicted gains are nearly alike
     assert set(verdict["not_looked_at"]) == {"exposure", "ink_reflectance"}
     assert verdict["points"]["verdict"] == "adequate" and verdict["points"]["gap"] == verdict["groups"]["corners"]
     first, second = verdict["steps"]

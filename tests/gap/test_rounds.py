@@ -73,7 +73,7 @@ def test_what_gave_way_to_a_rival_may_come_back(monkeypatch):
 
 @pytest.mark.parametrize("closes", [True, False])
 def test_noise_is_asked_for_once_where_rounds_end_without(monkeypatch, closes):
-    """Fails if rounds end where noise is missing, which promises little beside the levels that it scatters, or ask on for it."""
+    """Fails if rounds end where noise is missing, whose predicted gain is small beside levels that scatter, or ask on for it."""
     asked, noise = [], Proposal([("sensor_noise", {})], {"sensor_noise": []})
     monkeypatch.setattr(joint_way, "missing_noise", lambda *_: (asked.append(1), noise)[1])
     monkeypatch.setattr(joint_way, "_is_nearly_closed", lambda *_: True)
@@ -177,7 +177,7 @@ def test_rounds_begin_once_from_a_set(monkeypatch, without_codec, rounds):
 def test_a_later_round_begins_where_a_start_leaves_least(monkeypatch, fitted, strength_dn):
     """Fails if a filter begins as another where a start of its own leaves less, or a first round does not trust its guesses."""
     monkeypatch.setattr(exchange, "probes", lambda train: train)
-    monkeypatch.setattr(exchange, "width_of", lambda groups: 1.0)
+    monkeypatch.setattr(exchange, "robust_scale_of", lambda groups: 1.0)
     monkeypatch.setattr(exchange, "total", lambda left, nu: left)
     off = SimpleNamespace(residuals_of=lambda effects, *_: abs(dict(effects)["denoising"]["strength_dn"] - 9.0))
     problem = SimpleNamespace(starts_of=library.starts_of)

@@ -63,11 +63,11 @@ def test_black_that_has_grown_in_print_is_named_and_measured():
     assert found["spread_m"] == pytest.approx(0.0004, rel=0.1)
 
 
-def test_what_undoes_a_blur_is_fitted_though_it_promises_nothing(monkeypatch):
-    """Fails if an effect is never looked at that a blur hides: here a sharpening promises nothing to first order."""
-    promised = Search.predicted_gain
+def test_what_undoes_a_blur_is_fitted_without_a_predicted_gain(monkeypatch):
+    """Fails if an effect is never looked at that a blur hides: here a sharpening's predicted gain is zero to first order."""
+    predicted = Search.predicted_gain
     nothing = dict.fromkeys(GROUPS, 0.0)
-    monkeypatch.setattr(Search, "predicted_gain", lambda s, t, n: nothing if n == "sharpening" else promised(s, t, n))
+    monkeypatch.setattr(Search, "predicted_gain", lambda s, t, n: nothing if n == "sharpening" else predicted(s, t, n))
     hidden = {"lens_blur": {"sigma_px": 1.2}, "sensor_noise": NOISE, "sharpening": {"amount": 1.5, "sigma_px": 1.5}}
     names = ["lens_blur", "sensor_noise", "sharpening", "vignetting"]
     _, _, _, outcome = verdict(signatures_of(hidden), candidates=names)

@@ -128,7 +128,7 @@ def drawn_with(scene, view, effect):
 
 @pytest.mark.parametrize("effect", SPREADS, ids=[name for name, _ in SPREADS])
 def test_light_is_spread_as_the_image_is_blurred(effect):
-    """Parts that land askew, or too far, would part the fit's image from Blender's; blurring whole pixels is 1 % off."""
+    """Parts that land misaligned, or too far, would part the fit's image from Blender's; blurring whole pixels is 1 % off."""
     scene, view = scene_and_view()
     sharp = shade(scene, view, *coverages(Prints(scene.plates), view))
     drawn = drawn_with(scene, view, effect)
@@ -208,7 +208,7 @@ def test_parts_of_light_fill_what_they_stand_for():
 
 
 def test_a_plate_blurred_beyond_its_modules_counts_for_less():
-    """Noise throws a fit to a code that is all smear about: taken at its word, such a plate would sink a good twin."""
+    """Noise throws a fit to a code that is blurred away about: taken at its word, such a plate would sink a good twin."""
     scene, view = scene_and_view()
     table = encoding_table("srgb", 1.0)
     codes = Codes.of(scene.plates, [0.8, 0.05, 0.35], table)

@@ -1,4 +1,4 @@
-"""Campaigns come from strangers: every departure from the format is one message that names file, row, column, value."""
+"""Campaigns are untrusted input: every departure from the format is one message that names file, row, column, value."""
 
 import math
 
@@ -9,11 +9,11 @@ from inputs.campaign import load_campaign
 from register.registration import prior_of
 from rig.errors import InputError
 from shared_files import SHARED, shared
-from tiny_campaign import CAPTURES, MARKERS, board, lay_down
+from tiny_campaign import CAPTURES, MARKERS, board, write_campaign
 
 
 def test_a_good_campaign_is_read_as_it_stands(tmp_path):
-    campaign = lay_down(tmp_path / "a folder with spaces")
+    campaign = write_campaign(tmp_path / "a folder with spaces")
     read = load_campaign(campaign)
     assert list(read.captures.capture) == ["left_a", "left_b", "right_a", "right_b"]
     assert list(read.markers.id) == [3, 3]  # the same id in two dictionaries is two markers
@@ -41,7 +41,7 @@ def test_a_good_campaign_is_read_as_it_stands(tmp_path):
 )
 def test_a_bad_marker_is_named(tmp_path, old, new, words):
     assert old in MARKERS
-    campaign = lay_down(tmp_path / "c", markers=MARKERS.replace(old, new, 1))
+    campaign = write_campaign(tmp_path / "c", markers=MARKERS.replace(old, new, 1))
     with pytest.raises(InputError) as error:
         load_campaign(campaign)
     for word in ["markers.csv", *words]:
@@ -67,7 +67,7 @@ def test_a_bad_marker_is_named(tmp_path, old, new, words):
 )
 def test_a_bad_capture_is_named(tmp_path, old, new, words):
     assert old in CAPTURES
-    campaign = lay_down(tmp_path / "c", captures=CAPTURES.replace(old, new, 1))
+    campaign = write_campaign(tmp_path / "c", captures=CAPTURES.replace(old, new, 1))
     with pytest.raises(InputError) as error:
         load_campaign(campaign)
     for word in ["captures.csv", *words]:
@@ -75,8 +75,8 @@ def test_a_bad_capture_is_named(tmp_path, old, new, words):
 
 
 def test_a_link_out_of_the_campaign_is_refused(tmp_path):
-    """Otherwise a stranger's campaign could have any file of the user's opened and shown in a report."""
-    campaign = lay_down(tmp_path / "c")
+    """Otherwise an untrusted campaign could have any file of the user's opened and shown in a report."""
+    campaign = write_campaign(tmp_path / "c")
     (tmp_path / "secret.png").write_bytes(b"x")
     (campaign / "images/left/b.png").unlink()
     (campaign / "images/left/b.png").symlink_to(tmp_path / "secret.png")
@@ -118,7 +118,7 @@ def test_a_link_out_of_the_campaign_is_refused(tmp_path):
     ],
 )
 def test_a_bad_description_is_named(tmp_path, change, words):
-    campaign = lay_down(tmp_path / "c", describe=change)
+    campaign = write_campaign(tmp_path / "c", describe=change)
     with pytest.raises(InputError) as error:
         load_campaign(campaign)
     for word in ["campaign.yaml", *words]:
@@ -129,7 +129,7 @@ def test_a_bad_description_is_named(tmp_path, change, words):
 def test_stations_without_a_tolerance_are_refused(tmp_path, write):
     """Fails if an absent tolerance is taken for unknown or for exact: a mount would never be named, or always."""
     with pytest.raises(InputError) as error:
-        load_campaign(lay_down(tmp_path / "c", describe=write))
+        load_campaign(write_campaign(tmp_path / "c", describe=write))
     for word in ["campaign.yaml", "tolerance", "left_a", "position_m", "angle_deg", "exact", "unknown"]:
         assert word in str(error.value)
 
@@ -145,7 +145,7 @@ def test_stations_without_a_tolerance_are_refused(tmp_path, write):
 )
 def test_a_tolerance_becomes_the_poses_prior(tmp_path, written, sigma):
     """Fails if `exact` and `unknown` are taken for each other, degrees for radians, or zero for a division by zero."""
-    campaign = lay_down(tmp_path / "c", describe=lambda d: d.update(tolerance=written))
+    campaign = write_campaign(tmp_path / "c", describe=lambda d: d.update(tolerance=written))
     assert prior_of(facts_of(load_campaign(campaign).file)["tolerance"]).tolist() == sigma
 
 
@@ -153,7 +153,7 @@ def test_poses_without_a_station_need_no_tolerance(tmp_path):
     """Fails if campaigns of poses in full or of unknown ones must write what they do not know."""
     rows = ["p,left,images/left/a.png,1.5,0,0,0,0.3,0.7", "u,right,images/right/a.png,,,,,,"]
     captures = "\n".join(["capture,camera,image,rx,ry,rz,tx,ty,tz", *rows]) + "\n"
-    campaign = lay_down(tmp_path / "c", describe=lambda d: d.pop("tolerance"), captures=captures)
+    campaign = write_campaign(tmp_path / "c", describe=lambda d: d.pop("tolerance"), captures=captures)
     assert (prior_of(facts_of(load_campaign(campaign).file)["tolerance"]) == math.inf).all()
 
 
@@ -162,7 +162,7 @@ OPEN_WORDS = {"light": "unknown", "exposure": "auto", "white_balance": "auto", "
 
 def facts(folder, describe):
     """Return what scene.json would hold of the tiny campaign, changed."""
-    return facts_of(load_campaign(lay_down(folder, describe=describe)).file)
+    return facts_of(load_campaign(write_campaign(folder, describe=describe)).file)
 
 
 @pytest.mark.parametrize("key", OPEN_WORDS)
@@ -217,7 +217,7 @@ def test_photographs_of_a_board_leave_all_open_but_what_is_declared(tmp_path):
     ],
 )
 def test_hostile_yaml_ends_in_one_message(tmp_path, text, words):
-    campaign = lay_down(tmp_path / "c")
+    campaign = write_campaign(tmp_path / "c")
     (campaign / "campaign.yaml").write_bytes(text.encode("latin-1"))
     with pytest.raises(InputError, match=words):
         load_campaign(campaign)
@@ -225,7 +225,7 @@ def test_hostile_yaml_ends_in_one_message(tmp_path, text, words):
 
 def test_numbers_with_an_exponent_are_numbers(tmp_path):
     """Fails if YAML is read as its version 1.1, which takes 2e-3 for text (and `no` for a bool)."""
-    campaign = lay_down(tmp_path / "c", describe=lambda d: d.update(name="no"))
+    campaign = write_campaign(tmp_path / "c", describe=lambda d: d.update(name="no"))
     description = campaign / "campaign.yaml"
     description.write_text(description.read_text().replace("0.002", "2e-3").replace("'no'", "no"))
     file = load_campaign(campaign).file
@@ -245,7 +245,7 @@ def test_a_board_with_more_markers_than_its_dictionary_is_refused(tmp_path):
         }
 
     with pytest.raises(InputError, match="needs 64 markers; DICT_4X4_50 has 50"):
-        load_campaign(lay_down(tmp_path / "c", describe=large))
+        load_campaign(write_campaign(tmp_path / "c", describe=large))
 
 
 def test_every_campaign_at_hand_is_accepted():

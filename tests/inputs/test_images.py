@@ -1,4 +1,4 @@
-"""Images from strangers: checked before they are decoded, and never silently filled with grey."""
+"""Untrusted images: checked before they are decoded, and never silently filled with grey."""
 
 import struct
 import zlib
@@ -15,7 +15,7 @@ from inputs.images import check_captures, read_header, read_image
 from rig.errors import InputError
 from shared_files import shared
 from start.photographs import look_through
-from tiny_campaign import lay_down
+from tiny_campaign import write_campaign
 
 ORIENTATION = 0x0112  # EXIF's tag
 COLOUR = np.random.default_rng(0).integers(0, 255, (60, 80, 3), dtype=np.uint8)
@@ -261,7 +261,7 @@ def test_a_jpeg_with_data_behind_its_end_is_whole(tmp_path):
     ],
 )
 def test_a_campaign_with_a_bad_capture_is_refused_from_its_first_and_last_bytes(tmp_path, content, words):
-    campaign = load_campaign(lay_down(tmp_path / "c"))
+    campaign = load_campaign(write_campaign(tmp_path / "c"))
     check_captures(campaign)
     path = campaign.folder / "images/right/a.png"
     path.write_bytes(content(path.read_bytes()))
@@ -271,7 +271,7 @@ def test_a_campaign_with_a_bad_capture_is_refused_from_its_first_and_last_bytes(
 
 def test_sizes_that_differ_within_a_camera_are_counted(tmp_path):
     """Fails if the user is sent from one photograph to the next, or told to change the camera's size for one of them."""
-    campaign = load_campaign(lay_down(tmp_path / "c"))
+    campaign = load_campaign(write_campaign(tmp_path / "c"))
     for name in "ab":
         cv2.imwrite(str(campaign.folder / f"images/left/{name}.png"), np.zeros((64, 48 + (name == "b")), np.uint8))
     with pytest.raises(InputError, match=r"left_a.*48 x 64 pixels.*sizes 48 x 64 \(1\), 49 x 64 \(1\): take those"):

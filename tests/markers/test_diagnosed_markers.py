@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from gap.select_effects import verdict
-from marker_photographs import STATIONS, lay_down_markers
+from marker_photographs import STATIONS, write_marker_campaign
 from trials.observe_trial import observe_camera, observed_cases
 
 
 def test_a_lens_is_named_before_a_rig_of_rings_and_discs(tmp_path):
     """Fails if plates with discs are not found or not measured, or their rings ask for a name."""
-    campaign = lay_down_markers(tmp_path / "campaign", ["STAG_HD21"], STATIONS[::2], k1=-0.05)
+    campaign = write_marker_campaign(tmp_path / "campaign", ["STAG_HD21"], STATIONS[::2], k1=-0.05)
     observe_camera(campaign, "cam", tmp_path / "observed" / "cam")
     (case,) = observed_cases(tmp_path / "observed")
     assert sum(c.observation.measured.sum() for c in case.captures) > 40
@@ -25,7 +25,7 @@ def test_a_lens_is_named_before_a_rig_of_rings_and_discs(tmp_path):
 )
 def test_plates_are_measured_where_trackers_report_another_square_than_that_of_the_cells(families, tmp_path):
     """Fails if the corners that a tracker reports pass for those of all cells: plates are looked for off their place, unseen."""
-    campaign = lay_down_markers(tmp_path / "campaign", families, STATIONS[-1:])
+    campaign = write_marker_campaign(tmp_path / "campaign", families, STATIONS[-1:])
     observe_camera(campaign, "cam", tmp_path / "observed" / "cam")
     (case,) = observed_cases(tmp_path / "observed")
     for capture in case.captures:

@@ -37,7 +37,7 @@ def test_all_seen_is_a_recall_of_a_hundred_and_no_error():
     assert (done["recall_pct"], done["false_ids"], done["corner_rms_px"], done["hidden_frames_lost"]) == (100, 0, 0, 0)
 
 
-def test_hidden_frames_do_not_count_against_recall_but_are_lost_unless_carried_on():
+def test_hidden_frames_do_not_count_against_recall_but_are_lost_unless_bridged():
     clear = [k for k in range(FRAMES) if k not in HIDDEN]
     done = measured(reports(clear))
     assert (done["recall_pct"], done["hidden_frames"], done["hidden_frames_lost"]) == (100, 4, 4)
@@ -45,7 +45,7 @@ def test_hidden_frames_do_not_count_against_recall_but_are_lost_unless_carried_o
     assert (done["hidden_frames_lost"], done["false_ids"], done["bridged_corner_median_px"]) == (0, 0, 3)
 
 
-def test_what_is_carried_on_to_a_wrong_place_is_lost_all_the_same():
+def test_what_is_bridged_at_a_wrong_place_is_lost_all_the_same():
     """Otherwise a tracker that lets markers drift away would have bridged an occlusion."""
     clear = [k for k in range(FRAMES) if k not in HIDDEN]
     assert measured(reports(clear), reports(HIDDEN, (15, 0), seen=False))["hidden_frames_lost"] == 4

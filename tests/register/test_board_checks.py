@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from expand_tables import expand_tables
-from inputs.campaign import Board
+from inputs.campaign import CalibrationBoard
 from inputs.images import read_image
 from register import boards, calibration
 from register.board_checks import check_photographs, check_tilt, edge_width_px, fits, only_fitting
@@ -18,7 +18,7 @@ from rig.errors import InputError
 from seen_boards import EMBEDDED, embedded, photographs, refused
 from shared_files import shared
 
-MIRROR = Board(
+MIRROR = CalibrationBoard(
     type="charuco", dictionary="DICT_4X4_250", columns=18, rows=10, square_m=0.02, marker_m=0.015
 )  # of charuco_gopro12_mirror, which is no campaign
 

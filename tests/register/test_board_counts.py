@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from inputs.campaign import Board
+from inputs.campaign import CalibrationBoard
 from register import board_counts, boards
 from register.board_checks import check_photographs
 from seen_boards import embedded, photographs, refused
@@ -99,7 +99,7 @@ def test_layouts_number_markers_as_opencv_does():
 
 def test_a_row_beyond_the_frame_is_believed():
     """Fails if a row that the frame cuts off in all photographs is called missing, or one that is in view is believed."""
-    board = Board(type="aruco_grid", dictionary="DICT_4X4_50", columns=4, rows=5, marker_m=0.04, gap_m=0.01)
+    board = CalibrationBoard(type="aruco_grid", dictionary="DICT_4X4_50", columns=4, rows=5, marker_m=0.04, gap_m=0.01)
     places = board_counts.layout(board).places
     square = 20.0 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
     seen = {i: square + [50 * column + 50, 50 * row + 50] for i, (column, row) in places.items() if row < 4}

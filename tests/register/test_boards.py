@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from inputs.campaign import Board
+from inputs.campaign import CalibrationBoard
 from inputs.images import read_image
 from register import boards
 from register.registration import pose_from_plane, register_pose
@@ -17,8 +17,10 @@ from shared_files import shared
 K = camera_matrix(900, 900, 399.5, 299.5)
 SIZE = 800, 600
 BOARDS = {
-    "charuco": Board(type="charuco", dictionary="DICT_5X5_1000", columns=7, rows=6, square_m=0.04, marker_m=0.03),
-    "charuco_legacy": Board(
+    "charuco": CalibrationBoard(
+        type="charuco", dictionary="DICT_5X5_1000", columns=7, rows=6, square_m=0.04, marker_m=0.03
+    ),
+    "charuco_legacy": CalibrationBoard(
         type="charuco",
         dictionary="DICT_4X4_50",
         columns=8,
@@ -27,10 +29,12 @@ BOARDS = {
         marker_m=0.03,
         legacy_pattern=True,
     ),
-    "chessboard": Board(type="chessboard", columns=6, rows=5, square_m=0.04),
-    "chessboard_square": Board(type="chessboard", columns=5, rows=5, square_m=0.045),
-    "aruco_grid": Board(type="aruco_grid", dictionary="DICT_5X5_1000", columns=4, rows=3, marker_m=0.05, gap_m=0.02),
-    "apriltag_grid": Board(
+    "chessboard": CalibrationBoard(type="chessboard", columns=6, rows=5, square_m=0.04),
+    "chessboard_square": CalibrationBoard(type="chessboard", columns=5, rows=5, square_m=0.045),
+    "aruco_grid": CalibrationBoard(
+        type="aruco_grid", dictionary="DICT_5X5_1000", columns=4, rows=3, marker_m=0.05, gap_m=0.02
+    ),
+    "apriltag_grid": CalibrationBoard(
         type="apriltag_grid", dictionary="DICT_APRILTAG_36h11", columns=4, rows=3, marker_m=0.05, gap_m=0.02
     ),
 }
@@ -88,7 +92,9 @@ def test_a_turned_chessboard_is_numbered_by_its_colours(finder, turn_deg):
 
 def test_swapped_colours_are_noticed():
     """A board printed with white corner squares would be taken for ours without a word."""
-    board = Board(type="chessboard", columns=6, rows=4, square_m=0.04)  # 7 x 5 squares: no turn swaps its colours
+    board = CalibrationBoard(
+        type="chessboard", columns=6, rows=4, square_m=0.04
+    )  # 7 x 5 squares: no turn swaps its colours
     image = photograph(board, view())
     for picture, inverted in ((image, False), (255 - image, True)):
         found = boards.find_chessboard_by_sectors(picture, board)
@@ -101,7 +107,9 @@ def test_charuco_corners_have_no_half_pixel():
     Wrong if OpenCV changed and CHARUCO_OFFSET_PX did not: principal points would be half a pixel off.
     """
     side = 40
-    board = Board(type="charuco", dictionary="DICT_5X5_1000", columns=7, rows=6, square_m=0.04, marker_m=0.03)
+    board = CalibrationBoard(
+        type="charuco", dictionary="DICT_5X5_1000", columns=7, rows=6, square_m=0.04, marker_m=0.03
+    )
     drawn = charuco_board(board).generateImage((7 * side, 6 * side))
     image = cv2.copyMakeBorder(drawn, 30, 30, 30, 30, cv2.BORDER_CONSTANT, value=255)
     found = boards.find_board(image, board)
@@ -129,7 +137,9 @@ def test_wrong_legacy_flag_is_said(flag):
 def test_wrong_legacy_flag_on_photographs():
     """The message would appear on drawings only."""
     folder = shared("real/charuco_lifecam_1280_old_pattern")
-    board = Board(type="charuco", dictionary="DICT_4X4_1000", columns=8, rows=8, square_m=0.0254, marker_m=0.01905)
+    board = CalibrationBoard(
+        type="charuco", dictionary="DICT_4X4_1000", columns=8, rows=8, square_m=0.0254, marker_m=0.01905
+    )
     image = read_image(sorted(folder.glob("*.jpg"))[0])
     with pytest.raises(InputError, match="legacy_pattern is false but the photographs show the legacy pattern"):
         boards.check_legacy_pattern([image], board, "target")

@@ -11,7 +11,7 @@ import yaml
 from board_photographs import drawn, lay
 from expand_tables import expand_tables
 from gap.signature import MIN_PATCHES
-from inputs.campaign import Board
+from inputs.campaign import CalibrationBoard
 from inputs.scene import load_scene
 from light_captures import light_captures
 from observe_patches import observe_patches
@@ -21,7 +21,7 @@ from rig.targets import inverted_plate, target_plate
 from shared_files import shared
 
 BOARD = {"type": "chessboard", "columns": 8, "rows": 6, "square_m": 0.03}  # 9 x 7 squares: no turn swaps their colours
-PLATE = target_plate(Board.model_validate(BOARD))
+PLATE = target_plate(CalibrationBoard.model_validate(BOARD))
 NUMBER = 6
 REAL = "chess_lifecam_1280"
 

@@ -11,7 +11,7 @@ import yaml
 
 from case_files import load_case, read_capture
 from expand_tables import expand_tables
-from inputs.campaign import Board
+from inputs.campaign import CalibrationBoard
 from inputs.images import read_image
 from register import boards
 from register_captures import calibrations, register_captures
@@ -20,7 +20,7 @@ from rig.geometry import camera_matrix, make_pose, project, station_pose
 from rig.plates import code_cells
 from seen_boards import embedded
 from shared_files import shared
-from tiny_campaign import HEIGHT, WIDTH, lay_down
+from tiny_campaign import HEIGHT, WIDTH, write_campaign
 
 
 def register(campaign, camera, out):
@@ -43,7 +43,7 @@ def fails(campaign, out, *words):
 
 def test_a_campaign_without_a_marker_is_a_result(tmp_path):
     """Coverage 0 would be a crash, or captures would lose their nominal pose."""
-    table, record = register(lay_down(tmp_path / "c"), "left", tmp_path)
+    table, record = register(write_campaign(tmp_path / "c"), "left", tmp_path)
     assert list(table.capture) == ["left_a", "left_b"]
     assert set(table.status) == {"no_markers"} and (table.n_markers == 0).all()
     pose = table.loc[0, ["rx", "ry", "rz", "tx", "ty", "tz"]].to_numpy(float)
@@ -54,7 +54,9 @@ def test_a_campaign_without_a_marker_is_a_result(tmp_path):
 
 def test_points_that_no_camera_shows_are_one_message():
     """Fails if OpenCV's own error ends the run: markers in the squares of a board, described as a grid of 4 x 8."""
-    grid = Board(type="aruco_grid", dictionary="DICT_4X4_1000", columns=4, rows=8, marker_m=0.01905, gap_m=0.006)
+    grid = CalibrationBoard(
+        type="aruco_grid", dictionary="DICT_4X4_1000", columns=4, rows=8, marker_m=0.01905, gap_m=0.006
+    )
     images = [read_image(p) for p in sorted(shared("real/charuco_lifecam_480").glob("*.jpg"))[:8]]
     views = {str(k): boards.find_board(image, grid) for k, image in enumerate(images)}
     with pytest.raises(
@@ -65,14 +67,14 @@ def test_points_that_no_camera_shows_are_one_message():
 
 def test_a_truncated_capture(tmp_path):
     """Half an image would be measured as if it were whole."""
-    image = lay_down(tmp_path / "c") / "images/left/b.png"
+    image = write_campaign(tmp_path / "c") / "images/left/b.png"
     image.write_bytes(image.read_bytes()[:-300])
     fails(tmp_path / "c", tmp_path, "capture left_b", "b.png", "truncated PNG")
 
 
 def test_captures_of_another_size_are_told_together(tmp_path):
-    """The user would mend one capture a run."""
-    folder = lay_down(tmp_path / "c") / "images/left"
+    """The user would fix one capture a run."""
+    folder = write_campaign(tmp_path / "c") / "images/left"
     for name in ("a.png", "b.png"):
         cv2.imwrite(str(folder / name), np.zeros((HEIGHT, WIDTH + 2), np.uint8))
     fails(tmp_path / "c", tmp_path, "capture left_a", "capture left_b", "66 x 48 pixels, but its camera has 64 x 48")
@@ -80,7 +82,7 @@ def test_captures_of_another_size_are_told_together(tmp_path):
 
 def test_the_same_picture_twice(tmp_path):
     """A repeat that is a copy would make the floor look lower than it is, whatever the file's compression."""
-    folder = lay_down(tmp_path / "c") / "images/left"
+    folder = write_campaign(tmp_path / "c") / "images/left"
     image = cv2.imread(str(folder / "a.png"), cv2.IMREAD_UNCHANGED)
     cv2.imwrite(str(folder / "b.png"), image, [cv2.IMWRITE_PNG_COMPRESSION, 9])
     fails(tmp_path / "c", tmp_path, "left_a", "images/left/a.png", "left_b", "images/left/b.png", "same picture")
@@ -88,7 +90,7 @@ def test_the_same_picture_twice(tmp_path):
 
 def test_an_image_that_claims_too_much(tmp_path):
     """A header of 40,000 x 40,000 pixels would take all memory."""
-    image = lay_down(tmp_path / "c") / "images/left/a.png"
+    image = write_campaign(tmp_path / "c") / "images/left/a.png"
     data = bytearray(image.read_bytes())
     data[16:24] = (40_000).to_bytes(4, "big") * 2
     image.write_bytes(data)
@@ -96,8 +98,8 @@ def test_an_image_that_claims_too_much(tmp_path):
 
 
 def test_a_link_that_leaves_the_campaign(tmp_path):
-    """A stranger's campaign would read any file of the user's."""
-    folder = lay_down(tmp_path / "c")
+    """An untrusted campaign would read any file of the user's."""
+    folder = write_campaign(tmp_path / "c")
     expand_tables(folder, None, "left", tmp_path / "expand")
     shutil.move(folder / "images/left/a.png", tmp_path / "outside.png")
     (folder / "images/left/a.png").symlink_to(tmp_path / "outside.png")
@@ -115,7 +117,7 @@ def test_a_link_that_leaves_the_campaign(tmp_path):
 )
 def test_a_wrong_board_file(tmp_path, board, words):
     """board.yaml's faults would be a traceback."""
-    folder = lay_down(tmp_path / "c") / "calibration/left"
+    folder = write_campaign(tmp_path / "c") / "calibration/left"
     folder.mkdir(parents=True)
     if board:
         (folder / "board.yaml").write_text(yaml.safe_dump(board))
@@ -130,7 +132,7 @@ def rig_photographs(folder, K, poses):
         del data["tolerance"]
 
     rows = "".join(f"p{k},left,images/left/p{k}.png,,,,,,\n" for k in range(len(poses)))
-    campaign = lay_down(folder, describe, captures="capture,camera,image,rx,ry,rz,tx,ty,tz\n" + rows)
+    campaign = write_campaign(folder, describe, captures="capture,camera,image,rx,ry,rz,tx,ty,tz\n" + rows)
     for k, T in enumerate(poses):
         image = np.full((480, 640), 150, np.uint8)
         for dictionary, x in (("DICT_5X5_1000", -0.1), ("DICT_ARUCO_ORIGINAL", 0.1)):
@@ -226,7 +228,7 @@ def calibrated(folder, images, board):
     def describe(data):
         data["cameras"]["left"] |= {"width": 640, "height": 480}
 
-    lay_down(folder, describe)
+    write_campaign(folder, describe)
     for k, name in enumerate("ab"):
         noise = np.random.default_rng(k).integers(0, 255, (480, 640), dtype=np.uint8)
         cv2.imwrite(str(folder / f"images/left/{name}.png"), noise)

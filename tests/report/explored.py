@@ -17,7 +17,7 @@ from expand_tables import expand_tables
 from explore_camera import explore_camera
 from observe_captures import observe_captures
 from register_captures import register_captures
-from tiny_campaign import SEEN_FOCAL_PX, lay_down_seen
+from tiny_campaign import SEEN_FOCAL_PX, write_seen_campaign
 from workflow_runs import PROJECT
 
 CAMERAS, DETECTORS = ("left", "right"), ("aruco", "bart")
@@ -29,9 +29,9 @@ DRAWN = 5
 TABLES = ("markers", "cameras", "stations", "captures")
 
 
-def lay_down_run(folder):
+def write_results(folder):
     """Write campaign and results to ``folder`` and return the results' folder; its page is report/explore.html."""
-    campaign = lay_down_seen(folder / "campaign")
+    campaign = write_seen_campaign(folder / "campaign")
     description = yaml.safe_load((campaign / "campaign.yaml").read_text())
     for camera in description["cameras"].values():
         camera |= {"fx": NOMINAL_PX, "fy": NOMINAL_PX}
@@ -41,12 +41,12 @@ def lay_down_run(folder):
     (results / "tables").mkdir()
     (results / "tables/table1.csv").write_text("camera,algorithm\nleft,aruco\n")
     for camera in CAMERAS:
-        lay_down_camera(results, campaign, camera)
+        write_camera_results(results, campaign, camera)
     build_page(results)
     return results
 
 
-def lay_down_camera(results, campaign, camera):
+def write_camera_results(results, campaign, camera):
     """Write all that one camera's part of the page is made of, and that part."""
     paths = paths_of(results, camera)
     expand_tables(campaign, None, camera, paths["expand"])

@@ -5,14 +5,14 @@ import numpy as np
 from draw_board_example import board_part, drawn, in_its_light, registered_view, twins_of
 from effects import pipeline
 from effects.base import Scene, View
-from inputs.campaign import Board
+from inputs.campaign import CalibrationBoard
 from register.boards import BoardPoints
 from rig.geometry import camera_matrix, perturb_pose, project, station_pose
 from rig.targets import inverted_plate, target_plate
 
 SIZE, SIDE_M, MARGIN = (320, 240), 0.02, 20
 LENS = [("radial_distortion", {"k1": -0.25})]
-BOARD = Board(type="chessboard", columns=7, rows=5, square_m=SIDE_M)
+BOARD = CalibrationBoard(type="chessboard", columns=7, rows=5, square_m=SIDE_M)
 FACTS = {"left_open": ["light", "exposure", "white_balance", "reflectance"], "encoding": "srgb", "exposure": 1.0}
 
 

@@ -11,8 +11,8 @@ from case_files import load_case, load_observations
 from effects.base import Scene
 from explore_camera import board_seen, rms_between, show_pair
 from gap.observables import FEATURES
-from inputs.campaign import Board
-from report.explored import CAMERAS, DRAWN, GAPS, PLATE_GAPS_PX, STEPS, explore, lay_down_run, paths_of, told_in
+from inputs.campaign import CalibrationBoard
+from report.explored import CAMERAS, DRAWN, GAPS, PLATE_GAPS_PX, STEPS, explore, paths_of, told_in, write_results
 from reporting.explore_tables import as_js, bins_of, cell_sums, place_of, plate_sums, tilt_bins
 from reporting.ladder_images import chosen, rungs_of
 from rig.geometry import camera_matrix, project, station_pose
@@ -23,7 +23,7 @@ from workflow_runs import PROJECT
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     """The results' folder of a small run."""
-    return lay_down_run(tmp_path_factory.mktemp("run"))
+    return write_results(tmp_path_factory.mktemp("run"))
 
 
 @pytest.fixture(scope="module")
@@ -207,7 +207,9 @@ def test_residuals_of_the_methods_page_are_those_of_the_plates_that_a_run_measur
 
 def test_what_lies_about_a_board_is_not_compared(tmp_path):
     """Fails if a twin of a board, whose surroundings are not modelled, differs from its photograph by a bright wall behind it."""
-    scene = Scene((target_plate(Board(type="chessboard", columns=7, rows=5, square_m=0.02)),), 0.8, 0.05, 0.3, 0.3)
+    scene = Scene(
+        (target_plate(CalibrationBoard(type="chessboard", columns=7, rows=5, square_m=0.02)),), 0.8, 0.05, 0.3, 0.3
+    )
     K, T, size = camera_matrix(300.0, 300.0, 159.5, 119.5), station_pose(0.3, 60), (320, 240)
     T[:3, 3] -= T[:3, :3] @ [0.08, -0.1, 0.0]
     inside = board_seen(scene, K, T, size)

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from report.browser import complaints, opened, programs, requests, wait
-from report.explored import CAMERAS, DRAWN, GAPS, PLATE_GAPS_PX, STEPS, build_page, lay_down_run, told_in
+from report.explored import CAMERAS, DRAWN, GAPS, PLATE_GAPS_PX, STEPS, build_page, told_in, write_results
 from reporting.explore_tables import as_js
 
 CLICKS = 5
@@ -22,7 +22,7 @@ HOSTILE = '"><img src=x onerror="window.hit=1"></script><script>window.hit=1</sc
 def run(tmp_path_factory):
     """The results' folder of a small run, below a folder whose name a careless address would break."""
     programs()
-    return lay_down_run(tmp_path_factory.mktemp("run") / "Büro #1, O'Neill 100%")
+    return write_results(tmp_path_factory.mktemp("run") / "Büro #1, O'Neill 100%")
 
 
 @pytest.fixture(scope="module")
@@ -266,7 +266,7 @@ def copied(run, folder):
 
 
 def test_names_are_text_whatever_they_hold(run, tmp_path, window):
-    """Fails if a marker's, capture's or campaign's name becomes markup: pages would run what strangers wrote."""
+    """Fails if a marker's, capture's or campaign's name becomes markup: pages would run untrusted code."""
     results = copied(run, tmp_path)
     markers = pd.read_csv(results / "expand/markers.csv")
     markers.assign(dictionary=HOSTILE + markers.dictionary).to_csv(results / "expand/markers.csv", index=False)

@@ -1,4 +1,4 @@
-"""Names and texts from strangers on the pages: refused where they name files, shown as text where they do not."""
+"""Untrusted names and texts on the pages: refused where they name files, shown as text where they do not."""
 
 import json
 import sys
@@ -13,7 +13,7 @@ from inputs.photo_facts import photo_facts
 from inputs.tables import FILES
 from reporting.pages import render
 from rig.errors import InputError
-from tiny_campaign import lay_down
+from tiny_campaign import write_campaign
 from workflow_runs import PROJECT
 
 SCRIPT = "<script>alert(1)</script>"
@@ -29,7 +29,7 @@ def test_html_names_no_campaign_camera_capture_or_marker(tmp_path):
             ("markers.csv", "DICT_5X5_1000", SCRIPT, "column dictionary"),
         ]
     ):
-        campaign = lay_down(tmp_path / str(k))
+        campaign = write_campaign(tmp_path / str(k))
         text = (campaign / name).read_text()
         assert old in text
         (campaign / name).write_text(text.replace(old, new, 1))
@@ -92,11 +92,11 @@ def test_exif_of_a_photograph_is_text_on_its_page(tmp_path, monkeypatch):
 
 def test_a_camera_s_name_in_exif_can_not_write_yaml(tmp_path):
     """Fails if EXIF could add keys to the campaign.yaml that is started from a folder."""
-    from inputs.campaign import Board
+    from inputs.campaign import CalibrationBoard
     from start.patterns import Pattern
     from start_campaign import _description
 
-    board = Board(type="chessboard", columns=9, rows=6, square_m=0.03)
+    board = CalibrationBoard(type="chessboard", columns=9, rows=6, square_m=0.03)
 
     class Photograph:
         size, facts, maker = (64, 48), {"focal_35mm": None}, "a\nname: stolen\r# {x} \u2028b: *c"

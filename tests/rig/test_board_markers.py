@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from inputs.campaign import Board
+from inputs.campaign import CalibrationBoard
 from inputs.tables import MARKERS
 from rig.board_markers import board_markers, charuco_board
 from rig.plates import aruco_dictionary, code_cells
@@ -12,10 +12,14 @@ from rig.plates import aruco_dictionary, code_cells
 PX_PER_M = 4000
 CHARUCO = {"type": "charuco", "dictionary": "DICT_4X4_50", "columns": 8, "rows": 6, "square_m": 0.04, "marker_m": 0.03}
 BOARDS = {
-    "charuco of today": Board(**CHARUCO),
-    "charuco of before": Board(**CHARUCO, legacy_pattern=True),
-    "grid": Board(type="aruco_grid", dictionary="DICT_6X6_1000", columns=4, rows=5, marker_m=0.0375, gap_m=0.005),
-    "tags": Board(type="apriltag_grid", dictionary="DICT_APRILTAG_36h11", columns=3, rows=2, marker_m=0.04, gap_m=0.01),
+    "charuco of today": CalibrationBoard(**CHARUCO),
+    "charuco of before": CalibrationBoard(**CHARUCO, legacy_pattern=True),
+    "grid": CalibrationBoard(
+        type="aruco_grid", dictionary="DICT_6X6_1000", columns=4, rows=5, marker_m=0.0375, gap_m=0.005
+    ),
+    "tags": CalibrationBoard(
+        type="apriltag_grid", dictionary="DICT_APRILTAG_36h11", columns=3, rows=2, marker_m=0.04, gap_m=0.01
+    ),
 }
 
 
@@ -52,5 +56,5 @@ def test_a_plate_is_the_white_around_its_code():
 
 def test_a_board_of_squares_alone_has_no_marker():
     """Fails if a chessboard's table is no table, or lists something to detect."""
-    chessboard = Board(type="chessboard", columns=6, rows=5, square_m=0.04)
+    chessboard = CalibrationBoard(type="chessboard", columns=6, rows=5, square_m=0.04)
     assert len(MARKERS.validate(board_markers(chessboard))) == 0

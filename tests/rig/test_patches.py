@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from inputs.campaign import Board
+from inputs.campaign import CalibrationBoard
 from rig.patches import board_patches, stacked
 from rig.targets import target_plate
 
@@ -37,7 +37,7 @@ def is_black(rectangles, x, y):
 @pytest.mark.parametrize("kind", BOARDS)
 def test_a_patch_shows_the_boards_cells(kind):
     """Fails if a patch's black is turned, mirrored or shifted against the board that is printed and rendered."""
-    board = Board.model_validate(BOARDS[kind])
+    board = CalibrationBoard.model_validate(BOARDS[kind])
     plate, patches = target_plate(board), board_patches(board, target_plate(board))
     rng = np.random.default_rng(1)
     for patch in patches:
@@ -52,7 +52,7 @@ def test_a_patch_shows_the_boards_cells(kind):
 @pytest.mark.parametrize("kind", BOARDS)
 def test_a_patch_is_a_black_square_with_white_about_it(kind):
     """Fails if the corners by which a patch is found are not those of black on white."""
-    board = Board.model_validate(BOARDS[kind])
+    board = CalibrationBoard.model_validate(BOARDS[kind])
     for patch in board_patches(board, target_plate(board)):
         h, d = patch.half_code, 1e-4
         a = h / 9  # between the lines of cells

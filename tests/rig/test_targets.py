@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from inputs.campaign import Board
+from inputs.campaign import CalibrationBoard
 from rig.plates import aruco_dictionary
 from rig.targets import target_plate
 
@@ -25,7 +25,7 @@ def drawn(plate, pixels_per_m, width, height):
 def test_charuco_is_opencvs(size, legacy):
     """Were the legacy flag or a row's direction wrong, the twin's board would be another than the photograph's."""
     columns, rows = size
-    board = Board(
+    board = CalibrationBoard(
         type="charuco",
         dictionary="DICT_5X5_1000",
         columns=columns,
@@ -51,7 +51,7 @@ def test_charuco_is_opencvs(size, legacy):
 
 def test_chessboard_and_grid_are_read_back():
     """Were a grid mirrored or a chessboard of another size, OpenCV would not read them from a drawing of the plate."""
-    grid = Board(type="aruco_grid", dictionary="DICT_5X5_1000", columns=3, rows=2, marker_m=0.07, gap_m=0.02)
+    grid = CalibrationBoard(type="aruco_grid", dictionary="DICT_5X5_1000", columns=3, rows=2, marker_m=0.07, gap_m=0.02)
     plate = target_plate(grid)
     scale, shift = 1000, 0.03
     x = (np.arange(330) + 0.5) / scale - shift
@@ -66,6 +66,6 @@ def test_chessboard_and_grid_are_read_back():
     for quad, marker in zip(corners, ids.ravel(), strict=True):
         left, top = (marker % 3) * 0.09 + shift, 0.21 - ((1 - marker // 3) * 0.09 + 0.07)
         assert np.abs(quad.reshape(4, 2)[0] - [left * scale, top * scale]).max() < 2
-    chess = target_plate(Board(type="chessboard", columns=6, rows=4, square_m=0.03))
+    chess = target_plate(CalibrationBoard(type="chessboard", columns=6, rows=4, square_m=0.03))
     image = np.kron(chess.white[::-1], np.ones((40, 40))).astype(np.uint8) * 255
     assert cv2.findChessboardCorners(image, (6, 4))[0]

@@ -9,7 +9,7 @@ import pytest
 
 import start_campaign
 from board_photographs import drawn, lay, photograph
-from inputs.campaign import Board, load_campaign
+from inputs.campaign import CalibrationBoard, load_campaign
 from inputs.experiment import rig_markers
 from inputs.safe_yaml import load_yaml
 from markers.contract import marker_plate
@@ -41,7 +41,7 @@ REAL = (
 @pytest.mark.parametrize("name", BOARDS)
 def test_a_board_is_recognised(tmp_path, name):
     """Fails if type, dictionary, columns, rows, legacy pattern or the markers' size are guessed wrong."""
-    own = Board.model_validate(BOARDS[name])
+    own = CalibrationBoard.model_validate(BOARDS[name])
     folder = lay(tmp_path / "photos of mine", drawn(target_plate(own)))
     start_campaign.start_campaign(folder, 20)
     found = load_campaign(folder)
@@ -79,7 +79,7 @@ def test_printed_plates_are_recognised(tmp_path):
 
 def test_what_is_left_out_is_said_and_why(tmp_path, capfd):
     """Fails if a photograph disappears in silence, or one that can't be used ends the run."""
-    picture = drawn(target_plate(Board.model_validate(BOARDS["charuco"])))
+    picture = drawn(target_plate(CalibrationBoard.model_validate(BOARDS["charuco"])))
     folder = lay(tmp_path / "it's mine", picture)
     shutil.copy(folder / "photo 0.png", folder / "copy.png")
     cv2.imwrite(str(folder / "small.png"), cv2.resize(photograph(picture, 9), None, fx=0.75, fy=0.75))
@@ -104,7 +104,7 @@ def test_what_is_left_out_is_said_and_why(tmp_path, capfd):
 
 def test_cameras_are_told_apart_by_size(tmp_path):
     """Fails if photographs of two cameras are calibrated as one."""
-    picture = drawn(target_plate(Board.model_validate(BOARDS["charuco"])))
+    picture = drawn(target_plate(CalibrationBoard.model_validate(BOARDS["charuco"])))
     folder = lay(tmp_path / "two", picture)
     for k in range(3):
         cv2.imwrite(str(folder / f"small {k}.png"), cv2.resize(photograph(picture, 20 + k), None, fx=0.75, fy=0.75))

@@ -5,7 +5,7 @@ import json
 import pandas as pd
 import pytest
 
-from tiny_campaign import lay_down
+from tiny_campaign import write_campaign
 from trials.summarise_trials import gap_ratio, steps_of, summarise_trials
 from workflow_runs import copy_project, snakemake
 
@@ -132,7 +132,7 @@ def test_gaps_are_compared_in_the_same_floors():
 
 def test_only_whole_cameras_get_a_twin_with_the_true_effects(tmp_path):
     """Fails if the summary does not wait for what says which effects count, or other trials pay for it."""
-    project, campaign = copy_project(tmp_path / "project"), lay_down(tmp_path / "c")
+    project, campaign = copy_project(tmp_path / "project"), write_campaign(tmp_path / "c")
     trials = "blind_trials={single: 2, pair: 0, none: 0, outside: 0, whole: 1, size: tiny}"
     status, said = snakemake(project, "-n", "blind_trials", "--config", trials, f"campaign={campaign}")
     assert status == 0, said[-3000:]
@@ -142,7 +142,7 @@ def test_only_whole_cameras_get_a_twin_with_the_true_effects(tmp_path):
 
 def test_real_photographs_are_for_real_trials_alone(tmp_path):
     """Fails if other trials of the same run are given the photographs, which their generator refuses."""
-    project, campaign = copy_project(tmp_path / "project"), lay_down(tmp_path / "c")
+    project, campaign = copy_project(tmp_path / "project"), write_campaign(tmp_path / "c")
     trials = "blind_trials={single: 0, pair: 0, none: 1, outside: 0, power: 0, whole: 0, real: 1, photographs: boards}"
     status, said = snakemake(project, "-n", "-p", "blind_trials", "--config", trials, f"campaign={campaign}")
     assert status == 0, said[-3000:]
@@ -160,7 +160,14 @@ def test_a_blind_trial_runs_from_the_command_line(tmp_path, kind):
     project = copy_project(tmp_path / "project")
     trials = f"blind_trials={{single: 0, pair: 0, none: 0, outside: 0, {kind}: 1, size: tiny}}"
     status, said = snakemake(
-        project, "--cores", 2, "blind_trials", "--config", trials, CANDIDATES, f"campaign={lay_down(tmp_path / 'c')}"
+        project,
+        "--cores",
+        2,
+        "blind_trials",
+        "--config",
+        trials,
+        CANDIDATES,
+        f"campaign={write_campaign(tmp_path / 'c')}",
     )
     assert status == 0, said[-3000:]
     trials = pd.read_csv(project / "results/blind_trials/trials.csv", keep_default_na=False)

@@ -16,7 +16,7 @@ from inputs.twin_study import Choice, load_study
 from inputs.twins import load_twin
 from rig.errors import InputError
 from summarise_study import ablation_of, best_choices, by_variant, choices_of
-from tiny_campaign import board, lay_down
+from tiny_campaign import board, write_campaign
 from twin_study.variants import variants_of
 from workflow_runs import PROJECT, copy_project, snakemake
 
@@ -224,7 +224,7 @@ def test_a_study_of_nothing_ends_the_plan(studied, source, words):
     """Fails if a campaign, or an experiment without a study, comes to a job or ends with a traceback."""
     project = studied.parents[1]
     if not (project / "board").is_dir():
-        lay_down(project / "board", describe=board)
+        write_campaign(project / "board", describe=board)
     status, said = snakemake(project, "-n", "twin_study", "--config", source)
     assert status == 1 and [line for line in said.splitlines() if line.startswith("error: ")][0].count(words) == 1
     assert "Traceback" not in said

@@ -1,4 +1,4 @@
-"""How the camera moved from one frame to the next, told by the markers that are seen; the others are carried along."""
+"""How the camera moved from one frame to the next, told by the markers that are seen; the others coast with it."""
 
 import cv2
 import numpy as np

@@ -13,7 +13,7 @@ from detectors.contract import Detection
 class Tracked(Detection):
     """A marker in a frame of a sequence.
 
-    seen      False where it was carried on by its motion, through an occlusion
+    seen      False where it is bridged: extrapolated by its motion, through an occlusion
     poses     as measured, both planar ones (rvec, tvec, reprojection RMS); empty without K, code_m or when not seen
     rvec, tvec  ``T_cam_marker`` after filter and flip; None without K and code_m
     """

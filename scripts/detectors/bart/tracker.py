@@ -30,10 +30,10 @@ TRACKER_PARAMETERS = {
     # Milliseconds a frame may take; what is not done by then is left and said (``partial``). None: no limit. A search
     # of the whole frame goes on in the frames after: the smaller, the later new markers appear.
     "budget_ms": None,
-    # Frames that a marker is carried on without being seen: more bridges longer occlusions and reports markers
-    # longer that have left. 0 reports only what is seen.
+    # Frames over which an unseen marker is bridged, extrapolated by its motion: more bridges longer occlusions and
+    # reports markers longer that have left. 0 reports only what is seen.
     "bridge_frames": 15,
-    # Carry unseen markers on with the camera's motion, told by the markers that are seen (needs K and code_m): right
+    # Extrapolate unseen markers by the camera's motion, told by the markers that are seen (needs K and code_m): right
     # where markers stand still. False lets each coast at its own last speed: right where each moves by itself.
     "coast": True,
     # Kalman filter on poses (needs K and code_m); False gives the poses as measured: no lag and more jitter.
@@ -52,7 +52,7 @@ TRACKER_PARAMETERS = {
 LOST_EVERY = 3  # frames from one search of the whole frame to the next while a marker is lost
 UNCONFIRMED_FRAMES = 3  # tries to see a marker in the present that was found in an older frame
 FOLLOWED_AT_ONCE = 8  # markers between two looks at the clock
-LOOK_AGAIN_SIDES = 0.2  # so far from where it was looked for must a marker have been carried to be worth another look
+LOOK_AGAIN_SIDES = 0.2  # so far from where it was looked for must a marker have been moved to be worth another look
 
 
 @dataclass(frozen=True)
@@ -283,7 +283,7 @@ class Tracker:
             partial |= self._look_for(grey, waiting[k : k + FOLLOWED_AT_ONCE], start)
         lost = [track for track in waiting if not track.seen and track.looked_for == self.frame]
         if lost and self.p["coast"] and self.K is not None and self._left(start) > 0:
-            self._look_for(grey, self._carry(lost), start)
+            self._look_for(grey, self._coast(lost), start)
         for track in waiting:
             if not track.seen:
                 track.miss()
@@ -310,7 +310,7 @@ class Tracker:
                 self._measure(track)
         return False
 
-    def _carry(self, lost):
+    def _coast(self, lost):
         """Move lost tracks with the camera, as far as they went with it before; return those worth another look."""
         seen = [t for t in self.tracks if t.seen and t.before is not None and t.before[2] is not None]
         if len(seen) < MIN_MARKERS:

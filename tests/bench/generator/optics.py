@@ -153,8 +153,8 @@ def _disc_kernels(largest, stride):
     return kernels
 
 
-def _smear(length, angle_deg):
-    """Return the kernel of a straight smear in fine samples: time steps laid down with Keys' cubic, which
+def _motion_blur_kernel(length, angle_deg):
+    """Return the kernel of a straight motion in fine samples: time steps, interpolated with Keys' cubic, which
     adds no blur.
     """
     times = (np.arange(int(np.ceil(length * 16)) + 16) + 0.5) / (int(np.ceil(length * 16)) + 16) - 0.5
@@ -214,7 +214,7 @@ def spread(fine_image, depth, camera, effects, margin):
             continue
         shape = (image.shape[0] // stride, image.shape[1] // stride)
         if name == "motion_blur":
-            kernels = [_box(_smear(p["length_px"] * FINE, p["angle_deg"]), stride)]
+            kernels = [_box(_motion_blur_kernel(p["length_px"] * FINE, p["angle_deg"]), stride)]
             which = np.zeros(shape, np.int64)
         else:
             grid = 1 if stride > 1 else FINE

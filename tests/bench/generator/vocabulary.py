@@ -156,7 +156,7 @@ def veiling_glare(rng, s, camera):
 
 
 def motion_blur(rng, s, camera):
-    """Straight uniform smear of 3 to 6 px."""
+    """Straight uniform motion of 3 to 6 px."""
     return {"length_px": s * rng.uniform(3.0, 6.0), "angle_deg": rng.uniform(0, 180)}
 
 
