@@ -87,12 +87,16 @@ What the program says of sets of photographs by real cameras that others publish
   coefficients, which is fitted to the same photographs; of the twin with its whole lens (what is too small for a name is fitted as
   well), and with the effects named alone. Below 1 the twin projects better.
 - **levels off**: root mean square difference, grey levels, of left-out photographs and their twins between the board's outermost
-  points, the median photograph; in the nominal light, and in the light that each photograph's own white and black show.
+  points, the median photograph; in the nominal light, and with all effects named in the light, behind them, that each photograph's own
+  white and black show.
 - **told apart**: area under the ROC curve of a logistic model that tells patches of 32 pixels of left-out photographs from those of
   their twins by fixed features, after it was shown the others'; the nominal twin, and that in each photograph's own light with all
   effects named. 1: always told, 0.5: never.
 - **cannot be told**: effects that would stay unseen at the amount worth naming, and what would show them; of cells too in rows since 436ffd4.
 - **commit**: of the code that made the row; a set is done anew by its name.
+
+Not in the table is what is no campaign of a board with six photographs by one camera: charuco_gopro12_mirror (three photographs),
+charuco6x6_hard_views (four, by two cameras), aruco_original_board (one) and charuco5x5_wpical_1080p (a video).
 
 """
 
