@@ -29,6 +29,7 @@ from diagnose_camera import looked_at, telling_record, verdict_record  # noqa: E
 from diagnose_patches import both_looks, gaps_on_the_way, look_at_patches  # noqa: E402
 from effects import library  # noqa: E402
 from expand_tables import expand_tables  # noqa: E402
+from gap.board import polynomial_terms  # noqa: E402
 from gap.capture_light import photograph_light  # noqa: E402
 from gap.needs import cannot_tell  # noqa: E402
 from gap.needs_of_cells import cells_cannot_tell  # noqa: E402
@@ -63,6 +64,7 @@ COLUMNS = [
     "edges_off",
     "noise_off",
     "noise_px",
+    "own_bend",
     "not_told",
     "needs",
     "over_opencv",
@@ -83,6 +85,8 @@ What the program says of sets of photographs by real cameras that others publish
   what cells show; **of points** alone. Where it is above 1.2 afterwards, the groups of observables that are, the largest first.
 - **edges off**: by how much the second moment of edges' spread differs between left-out photographs and twins, square pixels, before
   and after; **noise off**: by which factor their noise does.
+- **own bend**: how far points lie off, in floors, in the median left-out photograph, and what is left beside a polynomial of second order
+  of the photograph's own: what falls is smooth and another in each photograph, as of a sheet held by hand or of a moving shutter.
 - **left out, over OpenCV**: root mean square of left-out points, poses by least squares, over that of OpenCV's calibration with five
   coefficients, which is fitted to the same photographs; of the twin with its whole lens (what is too small for a name is fitted as
   well), and with the effects named alone. Below 1 the twin projects better.
@@ -153,6 +157,7 @@ def diagnosed(name, folder):
         "edges_off": off["edges"],
         "noise_off": off["noise"],
         "noise_px": f"{case.noise_px:.3f}",
+        "own_bend": own_bend(search, outcome.twin),
         "not_told": ", ".join(plain(n) for n in result["not_told"]),
         "needs": "; ".join(sorted({need["text"].partition(": ")[2] for need in result["needs"]})),
         "over_opencv": f"{ours / theirs:.3f}",
@@ -168,6 +173,21 @@ def lives_in(result):
     groups = sorted(result["groups"].items(), key=lambda item: -item[1])
     above = [f"{name} {gap:.1f}" for name, gap in groups if gap > AT_FLOOR]
     return ", ".join(above) if result["gap"] > AT_FLOOR else ""
+
+
+def own_bend(search, twin):
+    """Return "as it is / beside a second-order polynomial of its own" of the median left-out photograph's points, RMS in floors."""
+    off, left = [], []
+    for i in search.test:
+        observation = search.problem.captures[i].observation
+        residuals = search.solver.residuals(i, list(twin.effects), twin.poses[i])["corners"].reshape(-1, 2)
+        xy = observation.features.reshape(len(observation.features), -1)[observation.measured, :2]
+        terms = polynomial_terms((xy - xy.mean(axis=0)) / np.ptp(xy), 2)
+        if len(residuals) == len(xy) > 2 * terms.shape[1]:
+            rest = residuals - terms @ np.linalg.lstsq(terms, residuals, rcond=None)[0]
+            off.append(np.sqrt((residuals**2).mean()))
+            left.append(np.sqrt((rest**2).sum() / (rest.size - 2 * terms.shape[1])))
+    return f"{np.median(off):.2f} / {np.median(left):.2f}" if off else ""
 
 
 def signs_off(search, before, after):
@@ -291,6 +311,7 @@ def page(table):
             "edges_off": "edges off, px2",
             "noise_off": "noise off, times",
             "noise_px": "a point's noise, px",
+            "own_bend": "own bend, floors",
             "not_told": "cannot be told",
             "needs": "what would tell",
             "over_opencv": "left out, over OpenCV",
