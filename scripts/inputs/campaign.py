@@ -14,9 +14,9 @@ import pandas as pd
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from calibrations.formats import read_calibration
-from inputs.images import check_is_no_file
 from inputs.rows import number, read_rows
 from inputs.safe_yaml import LONGEST_SHOWN, load_yaml, validation_message
+from inputs.videos import check_is_no_file
 from markers.contract import count_of, least_plate
 from rig.board_markers import board_markers
 from rig.errors import InputError

@@ -13,6 +13,7 @@ from PIL.ExifTags import Base
 from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
 from inputs import heic
+from inputs.videos import NO_VIDEO, is_video
 from rig.errors import InputError
 
 LARGEST_PIXELS = 100_000_000
@@ -21,12 +22,6 @@ PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 PNG_START = b"\x89PNG\r\n\x1a\n"
 TIFF_STARTS, TIFF_SHORT = (b"II*\0", b"MM\0*"), 3
 PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # samples a pixel by colour type; a palette's index is one
-NO_VIDEO = (
-    "a video, and photographs are needed; save some sharp frames of it as PNG, such as by "
-    "`ffmpeg -i VIDEO -vf fps=1 frame_%03d.png`"
-)
-VIDEO_BOXES = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip")
-VIDEO_STARTS = (b"\x1aE\xdf\xa3", b"\0\0\x01\xba", b"\0\0\x01\xb3")
 HOW = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
 
 
@@ -65,19 +60,6 @@ def read_header(path):
     if is_video(head):
         raise InputError(f"{path}: {NO_VIDEO}")
     raise InputError(f"{path}: not a PNG, JPEG, TIFF or HEIC image")
-
-
-def check_is_no_file(path):
-    """Raise InputError where what should be a folder of photographs is a file: a video, or one of them."""
-    if path.is_file():
-        with open(path, "rb") as file:
-            raise InputError(f"{path}: {NO_VIDEO if is_video(file.read(32)) else 'a file, and its folder is needed'}")
-
-
-def is_video(head):
-    """Return whether the first 32 bytes of a file, which is no HEIC, are those of a video: MP4, MOV, AVI, MKV, WebM, MPEG."""
-    in_boxes = head[4:8] in VIDEO_BOXES and head[8:12] != b"avif"
-    return in_boxes or head[:4] in VIDEO_STARTS or (head[:4] == b"RIFF" and head[8:12] == b"AVI ")
 
 
 def _jpeg_header(file):

@@ -9,8 +9,9 @@ from pathlib import Path
 import cv2
 from tqdm import tqdm
 
-from inputs.images import check_is_no_file, read_header, read_image
+from inputs.images import read_header, read_image
 from inputs.photo_facts import photo_facts
+from inputs.videos import check_is_no_file
 from register.boards import grey_8bit
 from rig.errors import InputError
 

@@ -237,7 +237,7 @@ def test_only_corners_of_squares_alternate(board, tmp_path):
     (tmp_path / "captures.csv").write_text("\n".join(rows) + "\n")
     (tmp_path / "campaign.yaml").write_text(CAMPAIGN % board)
     expand_tables(tmp_path, None, "c", tmp_path / "expand")
-    (tmp_path / "r.json").write_text(json.dumps(INTRINSICS | {"calibrations": {}}))
+    (tmp_path / "r.json").write_text(json.dumps(INTRINSICS | {"calibrations": {}, "inverted": False}))
     found = [SimpleNamespace(board=POINTS, image=xy) for xy in pixels + ALTERNATING]
     with open(tmp_path / "o.npz", "wb") as file:
         save_points(file, found, USUAL)
