@@ -179,6 +179,7 @@ def diagnose_camera(
         result["floor"] = {"corners_px": case.noise_px} | twin.floors
         result |= telling_record(result["steps"], *cannot_tell(search, twin, competing))
         result["whole_lens"] = whole_lens_record(search, twin)
+    store.drop_unused()
     if patches:
         facts = camera, sorted(fixed), twin.effects, twin.poses.tobytes()
         declared = declared_of(files)

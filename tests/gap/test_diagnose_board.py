@@ -85,6 +85,17 @@ def test_cells_tell_what_points_cannot(tmp_path):
     assert (ladder.gap_low < ladder.gap).all() and (ladder.gap < ladder.gap_high).all()
 
 
+def test_what_no_run_asks_for_is_kept_no_longer(tmp_path):
+    """Fails if outcomes of code or photographs of long ago stay on the disk, or none of this run is kept."""
+    (tmp_path / "kept").mkdir()
+    (tmp_path / "kept/of_other_code.pickle").write_bytes(b"")
+    verdict_on(
+        shared("real/chess_opencv_left"), tmp_path, ["radial_distortion", "principal_point", "tangential_distortion"]
+    )
+    kept = {path.name for path in (tmp_path / "kept").glob("*.pickle")}
+    assert kept and "of_other_code.pickle" not in kept
+
+
 def test_a_stretch_that_all_photographs_share_is_no_shutter(tmp_path):
     """Fails if a shutter of four parameters, which reaches the floor by itself, takes the name of rows of another length beside a
     lens, or what only a rolled camera would tell is told.
