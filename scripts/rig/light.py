@@ -54,7 +54,7 @@ def exposed(light, times):
 
 
 def in_own_light(radiance, light, view, place):
-    """Return the radiance (H + 2m, W + 2m, 3) of a render (H + 2m, W + 2m) in a capture's LIGHT (11,).
+    """Return the radiance (H + 2m, W + 2m, 3) of a render, (H + 2m, W + 2m) or with 1 or 3 colours, in a LIGHT (11,).
 
     ``place`` is the BoardPlace of the board, whose plane is z = 0.
     """
@@ -62,7 +62,7 @@ def in_own_light(radiance, light, view, place):
     H = np.linalg.inv(view.K @ view.T_cam_world[:3, [0, 1, 3]]).astype(np.float32)
     u, v, w = (H[k, 0] * columns + H[k, 1] * rows + H[k, 2] for k in range(3))
     w = np.where(np.abs(w) > 1e-6, w, np.float32(1e-6))  # the board's horizon: nothing of it is there
-    return lit(radiance[..., None], light, *place(u / w, v / w))
+    return lit(np.atleast_3d(radiance), light, *place(u / w, v / w))
 
 
 def hidden_groups(left_open):

@@ -236,14 +236,13 @@ class Drawn:
                 drawn.captures[i], view=replace(case.captures[i].view, T_cam_world=moved_pose(case, i, twin))
             )
             image, observed = read_capture(campaign, images[name]), case.captures[i].observation.features
-            radiance = drawn.radiance_of(capture, twin.effects, zero)
-            closest = closest_twin(drawn, capture, radiance, [*effects, *declared.get(name, ())])
+            closest = closest_twin(drawn, capture, [*effects, *declared.get(name, ())])
             try:
                 light = photograph_light(image, drawn.scene, case.points, observed, drawn.codes.lut, free, closest)
             except ValueError:
                 continue  # too little of the board is seen
             inside = board_mask(case.points, observed, image.shape)
-            nominal = drawn.image_of(radiance, capture, twin.effects, zero)
+            nominal = drawn.image_of(drawn.radiance_of(capture, twin.effects, zero), capture, twin.effects, zero)
             self.rms.append([np.sqrt(np.mean((image[inside] - v[inside]) ** 2)) for v in (nominal, closest(light))])
             closest = closest(light, NumbersOf(name))
             for key, shown in (("photograph", image), ("nominal", nominal), ("closest", closest)):
@@ -259,12 +258,14 @@ def moved_pose(case, i, twin):
     return perturb_pose(case.captures[i].view.T_cam_world, twin.poses[i])
 
 
-def closest_twin(drawn, capture, radiance, effects):
-    """Return a function (LIGHT, random numbers) -> the image of a capture's twin with effects from its radiance, in a light."""
+def closest_twin(drawn, capture, effects):
+    """Return a function (LIGHT, random numbers) -> the image (H, W, 3) of a capture's twin with effects, in a light."""
+    zero = np.zeros(6)
+    radiance = drawn.radiance_of(capture, effects, zero)  # blur and ink are drawn
 
     def image(light, numbers=None):
-        lit = in_own_light(radiance[..., 0], light, capture.view, drawn.place)
-        return drawn.image_of(lit, capture, effects, np.zeros(6), numbers)
+        lit = in_own_light(radiance, light, capture.view, drawn.place)
+        return drawn.image_of(lit, capture, effects, zero, numbers)
 
     return image
 
