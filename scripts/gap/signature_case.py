@@ -201,20 +201,30 @@ class SignatureCase:
         return [sign for sign, number in TAKEN_BY.items() if self.free[LIGHT.index(number)]]
 
     def is_like_light(self, effect):
-        """Return whether another gain and stray light of each colour do all that an effect does where it is clearly seen."""
-        return all(_share_of_light(self.twins[0], effect, p) > MIN_SHARE_OF_LIGHT for p in clear_ones(effect))
+        """Return whether gains and stray light that nobody declared do all that an effect does where it is clearly seen."""
+        return all(
+            _share_of_light(self.twins[0], effect, p, self.free) > MIN_SHARE_OF_LIGHT for p in clear_ones(effect)
+        )
 
 
-def _share_of_light(twin, effect, start):
-    """Return the share (0 to 1) of what an effect changes in a twin's linear light that a gain and an offset make up for."""
+def _share_of_light(twin, effect, start, free):
+    """Return the share (0 to 1) of what an effect does to a twin's linear light that ``free`` LIGHT (11,) makes up for."""
     before, after = (srgb_decode(twin.levels(laid) / 255) for laid in ([], [(effect, start)]))
-    changed = left = 0.0
-    for channel in range(after.shape[2]):
-        x, y = before[..., min(channel, before.shape[2] - 1)].ravel(), after[..., channel].ravel()
-        light = np.column_stack([x, np.ones(len(x))])
-        changed += ((y - x) ** 2).sum()
-        left += ((y - light @ np.linalg.lstsq(light, y, rcond=None)[0]) ** 2).sum()
-    return 1 - left / changed if changed > 0 else 0.0
+    before = np.broadcast_to(before, after.shape)
+    channels = slice(None) if after.shape[2] == 3 else slice(1, 2)
+    ways = [
+        of * np.array(colours)[channels]
+        for of, names in (
+            (before, ("gain", "red", "blue")),
+            (np.ones(after.shape), ("stray", "stray_red", "stray_blue")),
+        )
+        for name, colours in zip(names, ((1, 1, 1), (1, 0, 0), (0, 0, 1)), strict=True)
+        if free[LIGHT.index(name)]
+    ]
+    change = (after - before).ravel()
+    light = np.reshape(ways, (len(ways), change.size)).T
+    left = change - light @ np.linalg.lstsq(light, change, rcond=None)[0]
+    return 1 - (left @ left) / (change @ change) if change.any() else 0.0
 
 
 class NoPlates:

@@ -20,7 +20,7 @@ from gap.select_effects import verdict  # noqa: E402
 from gap.signature_case import OF_SLOPES  # noqa: E402
 from retaken_board import POINTS, signatures_of  # noqa: E402
 from rig.geometry import project  # noqa: E402
-from rig.light import LIGHT, exposed  # noqa: E402
+from rig.light import LIGHT, exposed, free_numbers  # noqa: E402
 
 FEW = [
     "lens_blur",
@@ -82,6 +82,17 @@ def test_what_each_photographs_own_light_does_as_well_does_not_compete():
     )
     assert names == [] and {n for n, reason in why.items() if reason == LIKE_LIGHT} == {"exposure", "colour_balance"}
     assert competing(case, ["exposure", "lens_blur"], set())[0] == ["lens_blur"]
+
+
+@pytest.mark.parametrize(
+    ("declared", "may"),
+    [("exposure", ["colour_balance"]), ("white_balance", ["exposure"]), ("exposure white_balance", [])],
+)
+def test_what_is_declared_competes(declared, may):
+    """Fails if light is taken to make up for an exposure or for colours that the campaign declares, or no longer for others."""
+    open_ones = {"light", "exposure", "white_balance"} - set(declared.split())
+    case = replace(signatures_of({}, 6), free=free_numbers(open_ones))
+    assert [n for n in ("exposure", "colour_balance") if case.is_like_light(n)] == may
 
 
 def test_every_sign_belongs_to_one_group():
