@@ -205,13 +205,13 @@ def summary_of(trials, parameters):
         near = whole.gap_ratio <= MAX_GAP
         counts += [
             (
-                "whole cameras, 60: hidden effects named, alone or in a group of at most three",
+                "whole cameras: hidden effects named, alone or in a group of at most three",
                 "90 %",
                 total.n_found,
                 total.n_counted,
             ),
-            ("whole cameras, 60: names in groups", "at most 15 %", total.n_in_groups, total.n_named),
-            ("whole cameras, 60: wrong names", "at most 5 %", total.n_wrong, total.n_named),
+            ("whole cameras: names in groups", "at most 15 %", total.n_in_groups, total.n_named),
+            ("whole cameras: wrong names", "at most 5 %", total.n_wrong, total.n_named),
             (
                 "held-out gap over that of the twin with the true names, fitted: at most 1.05",
                 "95 %",

@@ -83,12 +83,12 @@ def main(argv=None):
     record(
         [
             (
-                "whole cameras, 60: hidden effects named, alone or in a group of at most three",
+                "whole cameras: hidden effects named, alone or in a group of at most three",
                 f"{named} of {hidden} ({named / hidden:.0%})",
                 f"effects that were drawn, seen or not, {of}",
             ),
-            ("whole cameras, 60: wrong names", f"{wrong} of {names} ({wrong / names:.0%})", f"names {of}"),
-            ("whole cameras, 60: names in groups", f"{grouped} of {names} ({grouped / names:.0%})", f"names {of}"),
+            ("whole cameras: wrong names", f"{wrong} of {names} ({wrong / names:.0%})", f"names {of}"),
+            ("whole cameras: names in groups", f"{grouped} of {names} ({grouped / names:.0%})", f"names {of}"),
             ("whole cameras: explained", f"{(rows.verdict == 'explained').sum()} of {len(rows)}", "cameras"),
             ("whole cameras: median time to the verdict, two threads", rows.s.median() / 60, "min"),
         ],

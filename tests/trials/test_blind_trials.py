@@ -96,9 +96,9 @@ def test_whole_cameras_are_counted_by_what_counts(tmp_path):
     assert (near.hits, near.number) == (1, 2)
     assert hits == {
         "whole cameras: explained": (1, 2),
-        "whole cameras, 60: hidden effects named, alone or in a group of at most three": (3, 4),
-        "whole cameras, 60: names in groups": (3, 6),
-        "whole cameras, 60: wrong names": (2, 6),
+        "whole cameras: hidden effects named, alone or in a group of at most three": (3, 4),
+        "whole cameras: names in groups": (3, 6),
+        "whole cameras: wrong names": (2, 6),
     }
     assert (tmp_path / "out/confusion.png").stat().st_size > 1000  # nothing belongs in it
 
