@@ -28,18 +28,22 @@ class SignDifferences:
     error: np.ndarray
     whitener: np.ndarray
 
-    @cached_property
-    def evidence(self):
-        """The evidence (2, m) of a change: of many signs, Hotelling's statistic, its cube root; of one, the largest t."""
+    def evidence(self, ways):
+        """Return the evidence (2 + d, m) of a change: of many signs, Hotelling's statistic, its cube root; of one, the largest t;
+        of each of the ``ways`` (d, k) in which effects move signs, the t along it.
+        """
         whitened = self.whitener @ self.t[..., None]
-        return np.array([np.cbrt((whitened**2).sum((1, 2))), np.abs(self.t).max(1)])
+        along = ways / self.error[:, None] @ self.whitener.transpose(0, 2, 1)
+        along /= np.linalg.norm(along, axis=2, keepdims=True)
+        of_many = np.cbrt((whitened**2).sum((1, 2)))
+        return np.array([of_many, np.abs(self.t).max(1), *np.abs(along @ whitened)[..., 0].T])
 
 
 @dataclass(frozen=True)
 class Compared:
     """Signatures of two sets: which k signs count, ``counted`` (k,), their ``values`` (n, k) and which set photographs are of,
     ``belongs`` (n,), both as ``left_of`` (n, n) regresses them; ``orders`` (m, n) of photographs that permute values, the given
-    one first.
+    one first; ``ways`` (d, k) in which effects move signs.
     """
 
     counted: np.ndarray
@@ -47,6 +51,7 @@ class Compared:
     belongs: np.ndarray
     left_of: np.ndarray
     orders: np.ndarray
+    ways: np.ndarray
 
     @cached_property
     def every(self):
@@ -63,10 +68,10 @@ class Compared:
         """The standard errors (k,) of the differences."""
         return self.every.error[0]
 
-    @property
+    @cached_property
     def p(self):
         """The share of the orders that are as telling as the given one."""
-        return float(p_values(self.every.evidence).min())
+        return float(p_values(self.every.evidence(self.ways)).min())
 
     def distance(self, moved):
         """Return the whitened differences (k,) that a move (len(SIGNS),) of the earlier signatures leaves."""
@@ -83,7 +88,8 @@ class Compared:
         orders = np.array(thinned(self.orders, DIVISIONS_OF_POWER))
 
         def told(order):
-            return p_values(self._differences(self.values[order] + more, orders).evidence).min() <= max_p
+            differences = self._differences(self.values[order] + more, orders)
+            return p_values(differences.evidence(self.ways)).min() <= max_p
 
         return float(np.mean([told(order) for order in thinned(self.orders[1:], TRIED)]))
 
@@ -105,9 +111,10 @@ class Compared:
         return SignDifferences(difference / error, error, np.linalg.inv(np.linalg.cholesky(correlation)))
 
 
-def compared(before, after, seed, poses=None, uncounted=()):
+def compared(before, after, seed, poses=None, uncounted=(), ways=()):
     """Return the Compared of signatures (n, len(SIGNS)) of two sets, but for signs ``uncounted``; a seed draws permutations.
 
+    ``ways`` (d, len(SIGNS)), if given, are moves by effects: what points along one of them is told apart from chance more surely.
     What signs follow of the photographs' ``poses`` (both sets', m), if given, is regressed out, and permuted is what is left.
     Source: D. Freedman and D. Lane, "A nonstochastic interpretation of reported significance levels" (1983).
     """
@@ -121,7 +128,8 @@ def compared(before, after, seed, poses=None, uncounted=()):
         values[own] = np.where(np.isfinite(values[own]), values[own], np.nanmedian(values[own], axis=0))
     left_of = residual_maker(np.zeros((len(every), 0)) if poses is None else poses)
     every_order = np.array(orders(belongs, np.random.default_rng(seed)))
-    return Compared(counted, left_of @ values, left_of @ belongs, left_of, every_order)
+    ways = np.nan_to_num(np.reshape(ways, (-1, len(SIGNS)))[:, counted])
+    return Compared(counted, left_of @ values, left_of @ belongs, left_of, every_order, ways[ways.any(1)])
 
 
 def orders(belongs, rng):

@@ -127,6 +127,22 @@ def test_permuted_sets_tell_how_often_chance_differs_as_much():
     ) < 15
 
 
+def test_a_small_change_along_an_effect_is_told():
+    """Fails if what an effect moves is not looked at as one thing, is seen where nothing moved, or hides all else."""
+    rng = np.random.default_rng(1)
+    way, other = np.zeros((2, len(SIGNS)))
+    way[::3], other[1::3] = 1.0, 1.0
+    p = {True: [], False: []}
+    for _ in range(20):
+        sets, along = rng.normal(size=(2, 8, len(SIGNS))), -40 * way[None]
+        p[True].append([compared(sets[0], sets[1] + 0.8 * way, 0, ways=of).p for of in (along, -along, ())])
+        p[False].append([compared(*sets, 0, ways=along).p, compared(sets[0], sets[1] + 3 * other, 0, ways=along).p])
+    told = (np.array(p[True]) <= 0.01).mean(0)
+    assert told[0] == told[1] > 2 * told[2]
+    by_chance, of_others = (np.array(p[False]) <= [0.1, 0.01]).mean(0)
+    assert by_chance < 0.25 and of_others > 0.9
+
+
 def test_a_picture_that_moved_over_a_codecs_blocks_is_no_other_codec():
     """Fails if half a block's shift makes no difference to what is compared, or still makes one where blocks do not count."""
     laid = {"jpeg_compression": {"quality": 40, "subsampling": "4:2:0"}}
