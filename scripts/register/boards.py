@@ -19,6 +19,7 @@ SUBPIX_STOP = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 40, 0.001)
 MIN_POINTS = 8
 MAX_OFF_LINE = 0.1  # of a square: corners of cut squares are 0.16 to 0.5 off
 MAX_BENT = 0.2  # of a square, that a wide lens bends the ends of lines by
+SHARPENED, SHARPENED_WIDTH = 4.0, 1 / 200  # where blurred markers are read: strength; width, of the longer side
 CHARUCO_OFFSET_PX = 0.5  # of the installed OpenCV's corners (opencv#25539, gone with pull request 28380)
 
 
@@ -64,13 +65,26 @@ def aruco_detector(dictionary):
     return cv2.aruco.ArucoDetector(aruco_dictionary(dictionary), parameters)
 
 
+def sharpened(grey):
+    """Return an image (H, W) of 8 bits less its blurred self (unsharp masking): markers that blur has closed come apart."""
+    blurred = cv2.GaussianBlur(grey, (0, 0), SHARPENED_WIDTH * max(grey.shape))
+    return cv2.addWeighted(grey, 1 + SHARPENED, blurred, -SHARPENED, 0)
+
+
 def _find_charuco(grey, board):
+    """Return the BoardPoints of a ChArUco board; of a blurred one markers are read in the sharpened image, corners found in the
+    photograph itself.
+    """
     cv_board = charuco_board(board)
     # As they come, corners end a tenth of a pixel from where they would settle.
     parameters = cv2.aruco.DetectorParameters()
     _, parameters.cornerRefinementMaxIterations, parameters.cornerRefinementMinAccuracy = SUBPIX_STOP
     detector = cv2.aruco.CharucoDetector(cv_board, detectorParams=parameters)
-    corners, ids, _, marker_ids = detector.detectBoard(grey)
+    corners, ids, quads, marker_ids = detector.detectBoard(grey)
+    if ids is None or len(ids) < MIN_POINTS:
+        read, read_ids, _ = cv2.aruco.ArucoDetector(cv_board.getDictionary(), parameters).detectMarkers(sharpened(grey))
+        if len(read) > len(quads):
+            corners, ids, _, marker_ids = detector.detectBoard(grey, markerCorners=read, markerIds=read_ids)
     found = 0 if marker_ids is None else len(marker_ids)
     if ids is None or not len(ids):
         return nothing_found(found)

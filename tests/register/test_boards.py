@@ -145,6 +145,19 @@ def test_wrong_legacy_flag_on_photographs():
         boards.check_legacy_pattern([image], board, "target")
 
 
+def test_markers_that_a_shaken_camera_closes_are_read():
+    """Fails if a photograph is lost whose markers blur has closed, or if its points lie where a sharpened image has them."""
+    board, T, length_px = BOARDS["charuco"], view(), 13
+    kernel = np.zeros((41, 41))
+    for along in np.linspace(-length_px / 2, length_px / 2, 400):
+        kernel[round(20 + 0.5 * along), round(20 + 0.87 * along)] += 1 / 400
+    shaken = cv2.filter2D(photograph(board, T), -1, kernel, borderType=cv2.BORDER_REPLICATE)
+    shaken = shaken + np.random.default_rng(1).normal(0, 1.5, shaken.shape)
+    found = boards.find_board(np.clip(np.rint(shaken), 0, 255).astype(np.uint8), board)
+    assert len(found.image) >= boards.MIN_POINTS
+    assert np.sqrt(((found.image - project(K, T, found.board)) ** 2).sum(1).mean()) < 0.15
+
+
 def test_an_empty_image_shows_no_board():
     """A capture without the board would crash."""
     blank = np.full((60, 80), 128, np.uint8)
