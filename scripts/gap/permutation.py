@@ -5,7 +5,7 @@ All is a function of the captures' information matrices and scores (gap.joint_fi
 
 import itertools
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -41,10 +41,10 @@ class Moments:
     g: np.ndarray
     precision: np.ndarray
 
-    def about(self, mine, also_common):
-        """Return (H (n, a, a), g (n, a), directions (k, p)): common entries and, last, k directions of what parameters may do.
+    def towards(self, mine, also_common):
+        """Return (D (a, s + p), k): common entries and, last, k directions of what parameters may do, by all entries.
 
-        ``mine`` (p,) are their numbers among those that may change.
+        ``mine`` (m,) are their numbers among those that may change.
         Directions tell alike much in all captures together, and of many parameters only those that tell most are kept. They are
         common entries as well where they are ``also_common``: a value that all captures may have.
         """
@@ -55,59 +55,79 @@ class Moments:
         told, basis = told[-MAX_DIRECTIONS:], basis[:, -MAX_DIRECTIONS:]
         pick = np.zeros((len(told), self.H.shape[1]))
         pick[:, s + mine] = (basis / np.sqrt(told + RIDGE)).T / scale
-        D = np.concatenate([np.eye(s, self.H.shape[1]), *[pick] * (1 + also_common)])
-        return D @ self.H @ D.T, self.g @ D.T, pick[:, s + mine]
+        return np.concatenate([np.eye(s, self.H.shape[1]), *[pick] * (1 + also_common)]), len(told)
 
     def differences(self, mine, also_common, labels):
-        """Return the Differences of parameters under labellings (m, n) of the captures, arguments as of ``about``.
+        """Return the Differences of parameters under labellings (m, n) of the captures, arguments as of ``towards``."""
+        D, k = self.towards(mine, also_common)
+        H, by_parameters = D @ self.H @ D.T, D @ self.H[:, :, len(self.precision) + mine]
+        n, a = H.shape[:2]
+        c, J, labels = slice(0, a - k), slice(a - k, a), labels.astype(float)
+        ridge = np.concatenate([self.precision, np.full(a - k - len(self.precision), RIDGE)])
+        inverse = np.linalg.pinv(H[:, c, c].sum(0) + np.diag(ridge), rcond=1e-10, hermitian=True)
+        beside = (labels @ H[:, J, c].reshape(n, -1)).reshape(-1, k, a - k)
+        information = (labels @ H[:, J, J].reshape(n, -1)).reshape(-1, k, k)
+        information += RIDGE * np.eye(k) - beside @ inverse @ beside.transpose(0, 2, 1)
+        return Divided(H, by_parameters, labels, inverse, beside, information).differences(self.g @ D.T)
+
+
+@dataclass(frozen=True)
+class Divided:
+    """Captures' information on common entries and, last, k directions of some parameters, divided by m labellings: what scores do
+    not change.
+
+    H (n, a, a), by_parameters (n, a, p) of these entries beside the parameters, labels (m, n), inverse (a - k, a - k) of all
+    captures' on the common entries; beside (m, k, a - k) and information (m, k, k) of the second set
+    """
+
+    H: np.ndarray
+    by_parameters: np.ndarray
+    labels: np.ndarray
+    inverse: np.ndarray
+    beside: np.ndarray
+    information: np.ndarray
+
+    def differences(self, g):
+        """Return the Differences that the captures' scores (n, a) make.
 
         Sources: C. R. Rao's score test (1948); O. Ledoit and M. Wolf, "A well-conditioned estimator for large-dimensional
         covariance matrices" (2004).
         """
-        H, g, directions = self.about(mine, also_common)
-        k = len(directions)
-        n, a = g.shape
+        (n, a), k = g.shape, self.information.shape[-1]
         c, J = slice(0, a - k), slice(a - k, a)
-        ridge = np.concatenate([self.precision, np.full(a - k - len(self.precision), RIDGE)])
-        inverse = np.linalg.pinv(H[:, c, c].sum(0) + np.diag(ridge), rcond=1e-10, hermitian=True)
-        score = g[:, J] - H[:, J, c] @ inverse @ g[:, c].sum(0)
-        labels = labels.astype(float)
-        H_Jc, H_JJ = H[:, J, c], H[:, J, J]
-        B = (labels @ H_Jc.reshape(n, -1)).reshape(-1, k, a - k)
-        information = (labels @ H_JJ.reshape(n, -1)).reshape(-1, k, k) - B @ inverse @ B.transpose(0, 2, 1)
-        information += RIDGE * np.eye(k)
-        total = (labels @ score)[..., None]
-        delta = np.linalg.solve(information, total)
-        follow = (B.transpose(0, 2, 1) @ delta)[..., 0] @ inverse
+        H_Jc, H_JJ = self.H[:, J, c], self.H[:, J, J]
+        score = g[:, J] - H_Jc @ self.inverse @ g[:, c].sum(0)
+        total = (self.labels @ score)[..., None]
+        delta = np.linalg.solve(self.information, total)
+        follow = (self.beside.transpose(0, 2, 1) @ delta)[..., 0] @ self.inverse
         left = score[..., None] + (H_Jc.reshape(n * k, -1) @ follow.T).reshape(n, k, -1)
-        left = left - labels.T[:, None] * (H_JJ.reshape(n * k, k) @ delta[..., 0].T).reshape(n, k, -1)
+        left = left - self.labels.T[:, None] * (H_JJ.reshape(n * k, k) @ delta[..., 0].T).reshape(n, k, -1)
         scatter = left.transpose(2, 1, 0) @ left.transpose(2, 0, 1)
         shrunk = k / (k + n - 2)
         mean = np.trace(scatter, axis1=1, axis2=2)[:, None, None] / k
-        scatter = (1 - shrunk) * scatter + shrunk * mean * np.eye(k)
-        return Differences(self, mine, also_common, labels, total, information, scatter, directions)
+        return Differences(self, g, total, (1 - shrunk) * scatter + shrunk * mean * np.eye(k))
 
 
 @dataclass(frozen=True)
 class Differences:
     """One-step differences of the second set from the first in k directions of some parameters, under m labellings.
 
-    moments, mine, also_common and labels (m, n) they are made of; total (m, k, 1) of the second set's scores, information
-    (m, k, k) on the difference, scatter (m, k, k) of the scores within the sets; directions (k, p) of the parameters
+    total (m, k, 1) of the second set's scores, of all captures' ``g`` (n, a), scatter (m, k, k) of the scores within the sets
     """
 
-    moments: Moments
-    mine: np.ndarray
-    also_common: bool
-    labels: np.ndarray
+    divided: Divided
+    g: np.ndarray
     total: np.ndarray
-    information: np.ndarray
     scatter: np.ndarray
-    directions: np.ndarray
+
+    @property
+    def labels(self):
+        """The labellings (m, n)."""
+        return self.divided.labels
 
     def gain(self):
         """Return the loss (m,) that the differences explain to first order."""
-        return (np.linalg.solve(self.information, self.total) * self.total).sum((1, 2))
+        return (np.linalg.solve(self.divided.information, self.total) * self.total).sum((1, 2))
 
     @cached_property
     def evidence(self):
@@ -116,14 +136,13 @@ class Differences:
         Sources: H. Hotelling, "The generalization of Student's ratio" (1931); E. B. Wilson and M. M. Hilferty, "The
         distribution of chi-square" (1931).
         """
-        whitened = np.linalg.solve(np.linalg.cholesky(self.information), self.total)
+        whitened = np.linalg.solve(np.linalg.cholesky(self.divided.information), self.total)
         return np.cbrt((whitened * np.linalg.solve(self.scatter, whitened)).sum((1, 2)))
 
     def with_more(self, more, given):
         """Return the Differences where the second set of labelling ``given`` has ``more`` (p,) of the parameters besides."""
-        made = self.moments
-        of_second = self.labels[given][:, None] * (made.H[:, :, len(made.precision) + self.mine] @ more)
-        return replace(made, g=made.g + of_second).differences(self.mine, self.also_common, self.labels)
+        of_second = self.labels[given][:, None] * (self.divided.by_parameters @ more)
+        return self.divided.differences(self.g + of_second)
 
 
 def p_values(evidence, given=0):
