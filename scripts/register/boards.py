@@ -71,6 +71,11 @@ def sharpened(grey):
     return cv2.addWeighted(grey, 1 + SHARPENED, blurred, -SHARPENED, 0)
 
 
+def number_of(ids):
+    """Return how many ids (n, 1) OpenCV gives, which gives None where there are none."""
+    return 0 if ids is None else len(ids)
+
+
 def _find_charuco(grey, board):
     """Return the BoardPoints of a ChArUco board; of a blurred one markers are read in the sharpened image, corners found in the
     photograph itself.
@@ -80,13 +85,14 @@ def _find_charuco(grey, board):
     parameters = cv2.aruco.DetectorParameters()
     _, parameters.cornerRefinementMaxIterations, parameters.cornerRefinementMinAccuracy = SUBPIX_STOP
     detector = cv2.aruco.CharucoDetector(cv_board, detectorParams=parameters)
-    corners, ids, quads, marker_ids = detector.detectBoard(grey)
-    if ids is None or len(ids) < MIN_POINTS:
+    looks = [detector.detectBoard(grey)]
+    if number_of(looks[0][1]) < MIN_POINTS:
         read, read_ids, _ = cv2.aruco.ArucoDetector(cv_board.getDictionary(), parameters).detectMarkers(sharpened(grey))
-        if len(read) > len(quads):
-            corners, ids, _, marker_ids = detector.detectBoard(grey, markerCorners=read, markerIds=read_ids)
-    found = 0 if marker_ids is None else len(marker_ids)
-    if ids is None or not len(ids):
+        if len(read):
+            looks.append(detector.detectBoard(grey, markerCorners=read, markerIds=read_ids))
+    corners, ids, _, marker_ids = max(looks, key=lambda look: number_of(look[1]))
+    found = number_of(marker_ids)
+    if not number_of(ids):
         return nothing_found(found)
     points = np.array(cv_board.getChessboardCorners())[np.ravel(ids)]
     image = np.reshape(corners, (-1, 2)).astype(float) - CHARUCO_OFFSET_PX
