@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from effects import library, pipeline
+from effects import library
 from gap.changes import MAX_P, MIN_CAPTURES
 from gap.exchange import MAX_GROUP
 from gap.observables import SIGNS, SIGNS_OF_GROUP
@@ -82,7 +82,7 @@ class Layer:
         """laid: effects that the photographs have on already; sign 1 of the earlier set, -1 of the later one."""
         self.photographs = [p.fewer(PATCHES_LAID) for p in thinned(photographs, MAX_LAID)]
         self.laid, self.sign, self.each = list(laid), sign, each
-        self._before, self._moved = self._signatures([]), {}
+        self._before = self._signatures([])
 
     def _signatures(self, effects):
         return signatures_of(self.photographs, [*self.laid, *effects], self.each)
@@ -92,12 +92,6 @@ class Layer:
 
         What a lens no longer does, it did to light: laid on the later photographs it smooths noise that came after it.
         """
-        key = pipeline.key_of(effects)
-        if key not in self._moved:
-            self._moved[key] = self._move(effects)
-        return self._moved[key]
-
-    def _move(self, effects):
         with np.errstate(invalid="ignore"):
             moved = self._signatures(effects) - self._before
         moved = self.sign * np.array([np.median(m[np.isfinite(m)]) if np.isfinite(m).any() else 0.0 for m in moved.T])
@@ -279,8 +273,7 @@ def _changes(sets, candidates, seed, each, uncounted):
     signatures = [signatures_of(photographs, (), each) for photographs in sets]
     poses = np.array([p.pose for photographs in sets for p in photographs])
     names = competing(sets, candidates)
-    layers = layers_of(sets, laid, each)
-    ways = [layers[False].move([(n, p)]) for n in names for p in clear_ones(n)]
+    ways = ways_of(names, sets, each)
     while True:
         comparison = compared(*signatures, seed, poses, uncounted, ways)
         start = comparison.distance(np.zeros(len(SIGNS)))
@@ -289,7 +282,7 @@ def _changes(sets, candidates, seed, each, uncounted):
         little = bool(found) and total - len(comparison.counted) < MIN_SHARE_OF_NEXT * at_first
         if comparison.p > MAX_P or little or len(found) == MAX_CHANGES:
             return found, 1.0 if little else comparison.p, comparison
-        change = _named(layers, names, comparison, total)
+        change = _named(sets, laid, names, comparison, total, each)
         if change is None:
             return found, comparison.p, comparison
         found.append(change)
@@ -298,17 +291,22 @@ def _changes(sets, candidates, seed, each, uncounted):
         if change.less and library.is_before_sensor(change.effect):
             moved[:, AFTER_LENS] = signatures[True][:, AFTER_LENS]
         signatures[change.less] = moved
-        layers = layers_of(sets, laid, each)
         names = [n for n in names if n != change.effect]
 
 
-def layers_of(sets, laid, each):
-    """Return {less: Layer} of two sets of photographs with effects ``laid`` on each already."""
-    return {less: Layer(sets[less], laid[less], -1 if less else 1, each) for less in (False, True)}
+def ways_of(names, sets, each):
+    """Return the moves (d, len(SIGNS)) of signatures by clear amounts of some effects.
+
+    They are laid on photographs of which nobody is told the set: chance would lead the other way from those of one set.
+    """
+    every = sorted((p for photographs in sets for p in photographs), key=lambda p: (p.view.capture, *p.pose))
+    layer = Layer(every, [], 1, each)
+    return [layer.move([(n, p)]) for n in names for p in clear_ones(n)]
 
 
-def _named(layers, names, comparison, total):
+def _named(sets, laid, names, comparison, total, each):
     """Return the SignatureChange that explains most, None where none explains enough."""
+    layers = {less: Layer(sets[less], laid[less], -1 if less else 1, each) for less in (False, True)}
     trials = [tried(n, layers[less], comparison) for n in names for less in (False, True)]
     best_of = {}
     for trial in sorted((t for t in trials if t), key=lambda t: t.left):

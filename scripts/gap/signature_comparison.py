@@ -29,14 +29,16 @@ class SignDifferences:
     whitener: np.ndarray
 
     def evidence(self, ways):
-        """Return the evidence (2 + d, m) of a change: of many signs, Hotelling's statistic, its cube root; of one, the largest t;
-        of each of the ``ways`` (d, k) in which effects move signs, the t along it.
+        """Return the evidence (2 or 3, m) of a change: of many signs, Hotelling's statistic, its cube root; of one, the largest
+        t; of the ``ways`` (d, k), if any, in which effects move signs, the largest t along one.
         """
         whitened = self.whitener @ self.t[..., None]
-        along = ways / self.error[:, None] @ self.whitener.transpose(0, 2, 1)
-        along /= np.linalg.norm(along, axis=2, keepdims=True)
-        of_many = np.cbrt((whitened**2).sum((1, 2)))
-        return np.array([of_many, np.abs(self.t).max(1), *np.abs(along @ whitened)[..., 0].T])
+        evidence = [np.cbrt((whitened**2).sum((1, 2))), np.abs(self.t).max(1)]
+        if len(ways):
+            along = ways / self.error[:, None] @ self.whitener.transpose(0, 2, 1)
+            along /= np.linalg.norm(along, axis=2, keepdims=True)
+            evidence.append(np.abs(along @ whitened)[..., 0].max(1))
+        return np.array(evidence)
 
 
 @dataclass(frozen=True)
