@@ -153,8 +153,11 @@ def _wrong_rows(views, board):
 
 def _wrong_size(views, board):
     """Return that the markers of photographs (as of register.board_counts) have another size or shape than described."""
-    described, shown = board.marker_m / board_counts.pitch_m(board), board_counts.marker_share(views, board)
-    if shown is None or (np.abs(shown / described - 1) < board_counts.MAX_SHARE_OFF).all():
+    described, found = board.marker_m / board_counts.pitch_m(board), board_counts.marker_share(views, board)
+    if found is None:
+        return None
+    shown, side_px = found
+    if (np.abs(shown / described - 1) < max(board_counts.MAX_SHARE_OFF, board_counts.MAX_SIDE_OFF_PX / side_px)).all():
         return None
     if max(shown) > 1.2 * min(shown):
         other = board_counts.other_layout(views[:MAX_TRIED], board)

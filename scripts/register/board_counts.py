@@ -18,6 +18,7 @@ MIN_IN_PLACE, SHARE_IN_PLACE = 6, 0.6  # of the markers that one photograph show
 MIN_SEEN = 4  # markers that tell a homography
 MIN_VIEWS, SHARE_MISSING = 4, 1 / 3  # photographs of a row that is missing
 MAX_SHARE_OFF = 0.06  # relative, of a marker's side in pitches: prints as described are within 0.02
+MAX_SIDE_OFF_PX = 4.0  # by which a shaken camera makes small markers smaller
 
 UPRIGHT = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])  # corners of a marker from its centre, down from the top left
 
@@ -180,14 +181,16 @@ def _lengths(board, kind):
 
 
 def marker_share(views, board):
-    """Return a marker's side over the pitch as photographs show it, across and down (2,); None where too few tell it.
+    """Return (a marker's side over the pitch as photographs show it, across and down (2,), that side in pixels); None where too
+    few tell it.
 
     views as of ``rows_shown``
     """
-    lay, sides = layout(board), []
+    lay, sides, sides_px = layout(board), [], []
     for seen, _ in views:
         H, off = placed(seen, lay)
         for quad in (seen[i] for i, d in off.items() if d < IN_PLACE):
             a, b, c, d = cv2.perspectiveTransform(quad[None], H)[0]
             sides.append([np.linalg.norm([b - a, c - d], axis=1).mean(), np.linalg.norm([d - a, c - b], axis=1).mean()])
-    return np.median(sides, axis=0) if len(sides) >= MIN_IN_PLACE else None
+            sides_px.append(np.linalg.norm(quad - np.roll(quad, 1, axis=0), axis=1).mean())
+    return (np.median(sides, axis=0), np.median(sides_px)) if len(sides) >= MIN_IN_PLACE else None

@@ -55,6 +55,12 @@ def test_another_board_of_markers_in_squares_is_said(change, words):
     assert re.search(words, refused(images, board.model_copy(update=change)))
 
 
+def test_a_shaken_camera_prints_no_smaller_markers():
+    """Fails if markers that blur makes smaller in one direction pass for a print of another size."""
+    images, board = photographs(shared("real/charuco_lifecam_480"), 8)
+    checked({name: cv2.blur(image, (1, 5)) for name, image in images.items()}, board)
+
+
 def without_last_row(image, board):
     """Return an image with a board's last row of markers painted over."""
     image, lay = image.copy(), board_counts.layout(board)
