@@ -44,7 +44,7 @@ class Moments:
     def towards(self, mine, also_common):
         """Return (D (a, s + p), k): common entries and, last, k directions of what parameters may do, by all entries.
 
-        ``mine`` (m,) are their numbers among those that may change.
+        ``mine`` (q,) are their numbers among those that may change.
         Directions tell alike much in all captures together, and of many parameters only those that tell most are kept. They are
         common entries as well where they are ``also_common``: a value that all captures may have.
         """
@@ -76,7 +76,7 @@ class Divided:
     """Captures' information on common entries and, last, k directions of some parameters, divided by m labellings: what scores do
     not change.
 
-    H (n, a, a), by_parameters (n, a, p) of these entries beside the parameters, labels (m, n), inverse (a - k, a - k) of all
+    H (n, a, a), by_parameters (n, a, q) of these entries beside the q parameters, labels (m, n), inverse (a - k, a - k) of all
     captures' on the common entries; beside (m, k, a - k) and information (m, k, k) of the second set
     """
 
@@ -140,7 +140,7 @@ class Differences:
         return np.cbrt((whitened * np.linalg.solve(self.scatter, whitened)).sum((1, 2)))
 
     def with_more(self, more, given):
-        """Return the Differences where the second set of labelling ``given`` has ``more`` (p,) of the parameters besides."""
+        """Return the Differences where the second set of labelling ``given`` has ``more`` (q,) of the parameters besides."""
         of_second = self.labels[given][:, None] * (self.divided.by_parameters @ more)
         return self.divided.differences(self.g + of_second)
 
