@@ -10,10 +10,10 @@ import yaml
 
 from generator.photographs import decode
 from generator.sensor import encode
-from workflow_runs import PROJECT, copy_project, snakemake
+from seen_boards import EMBEDDED, embedded
+from workflow_runs import copy_project, snakemake
 
-CAMERA = "aruco6x6_gridboard"
-EMBEDDED = PROJECT / "data/raw" / CAMERA
+CAMERA = EMBEDDED.name
 BLUR_PX = 1.5
 DIAGNOSE = "diagnose={candidates: [lens_blur, focal_length, vignetting]}"
 
@@ -26,7 +26,7 @@ def blurred(image, blur_px):
 def campaign_of(folder, rows, blur_px):
     """Make a campaign of some of the embedded photographs, as they are or behind a lens that has become dirty."""
     folder.mkdir(parents=True)
-    captures = pd.read_csv(EMBEDDED / "captures.csv", dtype=str).iloc[rows]
+    captures = pd.read_csv(embedded() / "captures.csv", dtype=str).iloc[rows]
     for row in captures.itertuples():
         image = cv2.imread(str(EMBEDDED / row.image))
         cv2.imwrite(str(folder / f"{row.capture}.png"), blurred(image, blur_px) if blur_px else image)
@@ -39,8 +39,6 @@ def campaign_of(folder, rows, blur_px):
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
     """Return the results' folder after a run on blurred photographs with sharp ones, never looked at, as the baseline."""
-    if not EMBEDDED.is_dir():
-        pytest.skip("needs the embedded photographs: run `make data`")
     folder = tmp_path_factory.mktemp("changed")
     project = copy_project(folder / "project")
     june = campaign_of(folder / "june", slice(0, None, 2), 0)

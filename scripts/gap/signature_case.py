@@ -24,7 +24,7 @@ from gap.signature_changes import can_be_laid_on
 from gap.signature_comparison import MIN_SHOWING
 from gap.solver import Solver
 from job import seed_of
-from rig.light import LIGHT
+from rig.light import LIGHT, lit
 
 KEPT = 4000  # signatures
 USUAL_PX = 200_000  # of a photograph's windows
@@ -210,19 +210,10 @@ class SignatureCase:
 def _share_of_light(twin, effect, start, free):
     """Return the share (0 to 1) of what an effect does to a twin's linear light that ``free`` LIGHT (11,) makes up for."""
     before, after = (srgb_decode(twin.levels(laid) / 255) for laid in ([], [(effect, start)]))
-    before = np.broadcast_to(before, after.shape)
-    channels = slice(None) if after.shape[2] == 3 else slice(1, 2)
-    ways = [
-        of * np.array(colours)[channels]
-        for of, names in (
-            (before, ("gain", "red", "blue")),
-            (np.ones(after.shape), ("stray", "stray_red", "stray_blue")),
-        )
-        for name, colours in zip(names, ((1, 1, 1), (1, 0, 0), (0, 0, 1)), strict=True)
-        if free[LIGHT.index(name)]
-    ]
-    change = (after - before).ravel()
-    light = np.reshape(ways, (len(ways), change.size)).T
+    nothing = np.zeros(len(LIGHT))
+    plain = lit(before, nothing, 0, 0)
+    change = (lit(after, nothing, 0, 0) - plain).ravel()
+    light = np.reshape([lit(before, one, 0, 0) - plain for one in np.eye(len(LIGHT))[free]], (-1, change.size)).T
     left = change - light @ np.linalg.lstsq(light, change, rcond=None)[0]
     return 1 - (left @ left) / (change @ change) if change.any() else 0.0
 

@@ -19,7 +19,8 @@ SUBPIX_STOP = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 40, 0.001)
 MIN_POINTS = 8
 MAX_OFF_LINE = 0.1  # of a square: corners of cut squares are 0.16 to 0.5 off
 MAX_BENT = 0.2  # of a square, that a wide lens bends the ends of lines by
-SHARPENED, SHARPENED_WIDTH = 4.0, 1 / 200  # where blurred markers are read: strength; width, of the longer side
+SHARPENED = 4.0  # strength of unsharp masking, where blurred markers are read
+SHARPENED_WIDTH = 1 / 200  # its standard deviation, of the longer side
 CHARUCO_OFFSET_PX = 0.5  # of the installed OpenCV's corners (opencv#25539, gone with pull request 28380)
 
 

@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
+from effects.motion_blur import motion_blur_kernel
 from inputs.campaign import CalibrationBoard
 from inputs.images import read_image
 from register import boards
@@ -147,10 +148,8 @@ def test_wrong_legacy_flag_on_photographs():
 
 def test_markers_that_a_shaken_camera_closes_are_read():
     """Fails if a photograph is lost whose markers blur has closed, or if its points lie where a sharpened image has them."""
-    board, T, length_px = BOARDS["charuco"], view(), 13
-    kernel = np.zeros((41, 41))
-    for along in np.linspace(-length_px / 2, length_px / 2, 400):
-        kernel[round(20 + 0.5 * along), round(20 + 0.87 * along)] += 1 / 400
+    board, T = BOARDS["charuco"], view()
+    kernel = motion_blur_kernel(11.3, 6.5)  # 13 px long
     shaken = cv2.filter2D(photograph(board, T), -1, kernel, borderType=cv2.BORDER_REPLICATE)
     shaken = shaken + np.random.default_rng(1).normal(0, 1.5, shaken.shape)
     found = boards.find_board(np.clip(np.rint(shaken), 0, 255).astype(np.uint8), board)
