@@ -16,10 +16,9 @@ from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from case_files import load_case, load_observations
 from effects import library
+from gap.bounds import CHARGE, MAX_FLOOR_GAP, MAX_PARAMETERS, MIN_GAIN, TWICE
 from gap.observables import FEATURES, GAP_GROUPS
 from gap.residuals import NU, Whitener, rho
-from gap.search import MAX_PARAMETERS, MIN_GAIN
-from gap.standing import MAX_CLOSED_GAP, MAX_FLOOR_GAP
 from gap.where import BINS
 
 ERRORS = 3  # standard errors from its null at which a parameter is significant, as in gap.search.is_significant
@@ -126,7 +125,7 @@ def draw_effect_size(results, camera):
         at, gains = np.arange(len(rows)), rows.gain.to_numpy()
         low = np.minimum(2 * rows.gain_se.to_numpy(), gains - 1)
         axis.errorbar(gains, at, xerr=[low, 2 * rows.gain_se], fmt="o", color=figures.BLUE, capsize=2)
-        least = [MIN_GAIN + 2 * len(p) for p in rows.parameters]
+        least = [MIN_GAIN + CHARGE * len(p) for p in rows.parameters]
         axis.plot(least, at, "|", color=figures.ORANGE, ms=14, mew=2)
         axis.set_yticks(at, [e.replace("_", "\n", 1).replace("_", " ") for e in rows.effect], fontsize=7)
         axis.set_ylim(-0.7, len(rows) - 0.3)
@@ -145,7 +144,7 @@ def draw_verdict(results, camera):
         left.fill_between(ladder.step, ladder.gap_low, ladder.gap_high, color=colour, alpha=0.2, lw=0)
         left.plot(ladder.step, ladder.gap, "o-", color=colour, label=f"{name}: {verdicts[name]['verdict']}")
     left.axhspan(0.5, MAX_FLOOR_GAP, color=figures.GREEN, alpha=0.12, lw=0)
-    left.axhline(MAX_CLOSED_GAP, color=figures.GREY, ls="--")
+    left.axhline(TWICE, color=figures.GREY, ls="--")
     left.set(yscale="log", xlabel="effects added", title="gap, floors", ylim=(0.5, None))
     left.set_xticks(range(1 + max(len(d["steps"]) for d in verdicts.values())))
     left.set_yticks([1, 2, 5])

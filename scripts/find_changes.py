@@ -17,7 +17,7 @@ import numpy as np
 import job
 from change_pictures import arrows_on, squares_of
 from effects import library
-from gap.changes import MAX_P
+from gap.bounds import MAX_P
 from gap.score import floors_of, gap_error, group_gaps, overall_gap, root_mean_square
 from gap.signature_changes import candidates_of
 from photograph_changes import PhotographSet, what_changed

@@ -11,6 +11,7 @@ import numpy as np
 from effects import library
 from gap.board import seen_by_points
 from gap.board_shape import offsets_of
+from gap.bounds import CHARGE, MAX_P, MAX_TIMES_OFF, MOST, TWICE
 from gap.evidence import start_step
 from gap.exchange import MAX_GROUP
 from gap.joined import joined
@@ -28,14 +29,10 @@ from gap.solver import Solver
 from gap.split import thinned
 from job import seed_of
 
-MIN_CAPTURES = 5  # of each set: of 252 ways to divide 5 and 5, the given one is the most telling by chance in 0.4 %
-MAX_P = 0.01
+MIN_CAPTURES = 5  # of each set: 252 ways to divide 5 and 5 give a p below MAX_P, fewer captures none
 MAX_REFITTED = 4  # changes that are fitted to compare them
 MAX_CHANGES = 6
 SHAPE_ROUNDS = 2  # in which a board's shape and the twin are fitted in turn
-MIN_SHARE_OF_WARP = 0.5
-MAX_TIMES_OFF = 4.0  # the median residual of a set, beyond which a capture is an outlier
-EXCHANGE_ERRORS = 2.0  # standard errors over captures up to which two changes explain alike
 
 
 @dataclass(frozen=True)
@@ -158,12 +155,12 @@ def outlying(fit, twin):
 def warp_in_parts(base, found):
     """Return the Change of a free warp of which the changes found before it were parts, None where there is none.
 
-    They were where they explain less than ``MIN_SHARE_OF_WARP`` of what is explained with it.
+    They were where they explain less than ``MOST`` of what is explained with it.
     """
     for k, change in enumerate(found):
         if is_flexible(change.effect) and k:
             share = (base.loss - found[k - 1].twin.loss) / max(base.loss - change.twin.loss, 1e-9)
-            return change if share < MIN_SHARE_OF_WARP else None
+            return change if share < MOST else None
     return None
 
 
@@ -306,7 +303,7 @@ def p_of_change(asked):
 
 def charge(asked):
     """Return what the parameters of a change cost in loss, as Akaike's; of a free warp's those that were looked at."""
-    return 2 * min(len(asked.parameters), MAX_DIRECTIONS)
+    return CHARGE * min(len(asked.parameters), MAX_DIRECTIONS)
 
 
 def net_predicted_gain(asked):
@@ -332,7 +329,7 @@ def explains_alike(other, best):
     """Return whether a change explains the captures no worse than the best, by what they differ among captures."""
     loss = [np.array([rho(flatten(g)).sum() for g in twin.groups.values()]) for twin in (other, best)]
     ahead = loss[0] - loss[1]
-    return ahead.sum() <= EXCHANGE_ERRORS * np.sqrt(len(ahead)) * ahead.std(ddof=1)
+    return ahead.sum() <= TWICE * np.sqrt(len(ahead)) * ahead.std(ddof=1)
 
 
 def p_of_scatter(twin, labels):

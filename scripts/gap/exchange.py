@@ -3,14 +3,13 @@
 from functools import partial
 
 from effects import library
+from gap.bounds import LITTLE, MAX_SIMPLE, MIN_GAIN, TWICE
 from gap.parameters import is_geometric
 from gap.residuals import NU, robust_scale_of, total
-from gap.search import MAX_BEHIND, MAX_STARTS, MIN_GAIN, SCALE_FROM_NEAR, SCALE_FROM_START, is_as_good
+from gap.search import MAX_STARTS, SCALE_FROM_NEAR, SCALE_FROM_START, is_as_good
 from gap.split import probes
-from gap.standing import MIN_SHARE
 
 FURTHER_ITERATIONS = 3  # of a fit after a change to it
-MAX_SIMPLE = 3  # parameters of an effect that has no more than one form
 MAX_GROUP = 3  # effects that may stand for one another
 
 
@@ -91,7 +90,7 @@ def exchanged(search, end, name, rivals, iterations=FURTHER_ITERATIONS):
     [(name, p)] that leave as little): all fitted as long, for so many ``iterations``.
 
     A rival is fitted with everything from the best of its first starts, its own parameters fitted alone, where that leaves no
-    more than ``MAX_BEHIND`` times as much. One of many forms takes a simple one's place only where it leaves ``MIN_SHARE``
+    more than ``TWICE`` times as much. One of many forms takes a simple one's place only where it leaves ``LITTLE``
     less: it fits what is missing besides as well.
     """
     effects, poses = end.state.effects, end.state.poses
@@ -101,12 +100,12 @@ def exchanged(search, end, name, rivals, iterations=FURTHER_ITERATIONS):
         starts = search.problem.starts_of(rival)[:MAX_STARTS]
         trials = [fitted_alone(search, [*others, (rival, start)], poses, [rival]) for start in starts]
         best = min(trials, key=loss_of)
-        if best.loss < MAX_BEHIND * end.loss:
+        if best.loss < TWICE * end.loss:
             ends[rival] = short_fit(search, best.state.effects, best.state.poses, SCALE_FROM_NEAR, iterations)
     if any(rival.loss < end.loss + MIN_GAIN for rival in ends.values()):
         end = min(end, short_fit(search, effects, poses, SCALE_FROM_NEAR, iterations), key=loss_of)
     ends[name] = end
-    held_back = 1.0 if has_forms(name) else 1 / (1 - MIN_SHARE)
+    held_back = 1.0 if has_forms(name) else 1 / (1 - LITTLE)
     left = {n: ends[n].loss * (held_back if has_forms(n) else 1.0) for n in sorted(ends)}
     kept = min(left, key=left.get)
     near = [n for n in left if n != kept and left[n] < left[kept] + MIN_GAIN]

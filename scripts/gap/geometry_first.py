@@ -7,10 +7,10 @@ the fewest are kept without which, to second order, corners cannot do.
 from itertools import combinations
 
 from effects import library
+from gap.bounds import CLEAR_GAIN, CLOSED, LITTLE, MIN_GAIN
 from gap.evidence import cost_without
 from gap.residuals import RHO_NOISE
-from gap.search import CLEAR_EVIDENCE, MIN_GAIN
-from gap.standing import CLOSED, MIN_SHARE, has_good_share
+from gap.standing import has_good_share
 
 SCALE, ITERATIONS = 64.0, 16  # robust scale at which the joint fit begins, and its steps
 
@@ -25,7 +25,7 @@ def told_by_corners(search, twin, names):
     if not moving or not has_good_share("corners", twin.excess):
         return list(twin.effects), twin.poses, names
     effects, told = _told_with(search, twin, moving)
-    if _excess(told) > (1 - MIN_SHARE) * _excess(_told_with(search, twin, [])[1]):
+    if _excess(told) > (1 - LITTLE) * _excess(_told_with(search, twin, [])[1]):
         return list(twin.effects), twin.poses, [n for n in names if n not in moving]
     kept = _fewest(moving, _cost_without(search, effects, told))
     start, none = search.problem.start_poses(), search.solver.no_offsets()
@@ -99,7 +99,7 @@ def _cost_without(search, effects, told):
     return lambda names: cost(names) / unit
 
 
-def _fewest(names, cost_without, least=CLEAR_EVIDENCE * MIN_GAIN):
+def _fewest(names, cost_without, least=CLEAR_GAIN):
     """Return the fewest of some effects without the rest of which corners lose less than ``least``; of as few, those that cost
     least.
 

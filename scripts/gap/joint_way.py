@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from effects import library
+from gap.bounds import CLEAR_GAIN, CLOSED, LITTLE, MANY, MIN_GAIN, MOST
 from gap.exchange import (
     FURTHER_ITERATIONS,
     exchanged,
@@ -20,7 +21,6 @@ from gap.exchange import (
 )
 from gap.geometry_first import told_beside_the_rest, told_by_corners
 from gap.linear_model import (
-    MIN_SHARE_OF_FIRST,
     MIN_SHARE_PROPOSED,
     exchanges,
     linear_model,
@@ -32,8 +32,6 @@ from gap.outcome import Selection, outcome_of, steps_to, told_apart, without_unn
 from gap.parameters import get_parameter, spec
 from gap.residuals import GROUPS
 from gap.search import (
-    CLEAR_EVIDENCE,
-    MIN_GAIN,
     SCALE_FROM_NEAR,
     SCALE_FROM_START,
     Search,
@@ -41,14 +39,12 @@ from gap.search import (
     is_significant,
 )
 from gap.solver import State
-from gap.standing import CLOSED, MIN_SHARE, MIN_SHARE_OF_GROUP, is_at_floor, is_enough
+from gap.standing import is_at_floor, is_enough
 from gap.twin import rank
 from gap.undoing import undoing
 
-MANY = 3  # effects that are proposed at once: fewer are looked for one by one
 MAX_ROUNDS = 6
 MIN_PLATES = 12  # of a capture, of which rounds leave out half
-MAX_SHARE_ASKED = 0.5  # of what is left, that a round need not exceed; an effect that brings less is taken out to see
 FIRST_ITERATIONS = 9  # of a round's fit
 
 
@@ -167,8 +163,8 @@ def _found(selection, base, here, names, proposal):
         model = linear_model(search, here, [n for n in names if n not in here.names])
         if is_at_floor(here):
             break
-        least = MIN_SHARE if _is_nearly_closed(base, here) else MIN_SHARE_PROPOSED
-        proposal = selected(search, here, *model, least, MIN_SHARE_OF_FIRST)
+        least = LITTLE if _is_nearly_closed(base, here) else MIN_SHARE_PROPOSED
+        proposal = selected(search, here, *model, least, MOST)
     if at is None:
         return here, order, alike
     told, at = _with_geometry_told_again(search, base, here, at, names)
@@ -241,7 +237,7 @@ def _round(search, base, here, proposal):
         end = _without(search, end, patches)
         there = _standing(search, base, end)
     asked = [n for n in _added(there, here) if not search.problem.shows(n)]
-    share = min(MIN_SHARE * len(asked), MAX_SHARE_ASKED)
+    share = min(LITTLE * len(asked), MOST)
     closes = _closes_enough(here, there, share)
     if not closes and _closes_enough(here, there, share / 2):  # a codec may hold its fit
         rough = [n for n in there.names if search.problem.shows(n)]
@@ -274,12 +270,12 @@ def _is_clearly_needed(search, end, name):
 
 def _is_clear(end, name):
     """Return whether taking an effect of a Descent out costs, to second order, what no refit makes up for."""
-    return end.evidence.get(name, np.inf) > CLEAR_EVIDENCE * MIN_GAIN
+    return end.evidence.get(name, np.inf) > CLEAR_GAIN
 
 
 def _is_clearly_more(loss, end):
     """Return whether a loss is more than that of a Descent by what no refit makes up for."""
-    return loss > end.loss + CLEAR_EVIDENCE * MIN_GAIN
+    return loss > end.loss + CLEAR_GAIN
 
 
 def _is_rough(search, twin):
@@ -296,7 +292,7 @@ def _added(twin, base):
     return [n for n in twin.names if n not in base.names]
 
 
-def _closes_enough(before, after, share=MIN_SHARE):
+def _closes_enough(before, after, share=LITTLE):
     """Return whether a twin closes a share of what another leaves open, or most of a group of observables; in its floors."""
     if sum(after.losses.values()) > sum(before.losses.values()):
         return False  # its floors may be higher: what its own captures differ by
@@ -327,8 +323,8 @@ def _is_patch(search, twin, end, name):
                 changes[group] += float((change[at : at + groups[group].size] ** 2).sum())
                 at += groups[group].size
     brought = end.evidence.get(name, np.inf) * len(search.test) / len(end.groups)
-    of_group = _odds(MIN_SHARE_OF_GROUP) * twin.excess.get(max(changes, key=changes.get), 0.0)
-    return brought < min(of_group, _odds(MIN_SHARE) * sum(twin.excess.values()))
+    of_group = _odds(MOST) * twin.excess.get(max(changes, key=changes.get), 0.0)
+    return brought < min(of_group, _odds(LITTLE) * sum(twin.excess.values()))
 
 
 def _odds(share):
@@ -339,7 +335,7 @@ def _odds(share):
 def _without_patches(search, twin, base):
     """Return the Twin, refitted, without effects that close little of a gap that stays open: patches on a wrong form."""
     for name in sorted(_added(twin, base), key=lambda n: (twin.evidence.get(n, np.inf), n)):
-        clear = _odds(MAX_SHARE_ASKED) * sum(twin.excess.values())
+        clear = _odds(MOST) * sum(twin.excess.values())
         if is_at_floor(twin) or twin.evidence.get(name, np.inf) > clear:
             break
         rest = search.fitted([e for e in twin.effects if e[0] != name], twin.poses)

@@ -9,18 +9,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from effects import library
+from gap.bounds import CHARGE, MAX_SIMPLE, MIN_GAIN, MOST, RIVAL_SHARE
 from gap.evidence import start_step, step_over_rounding
 from gap.normal_equations import normal_equations
 from gap.parameters import prior_equations, spec
-from gap.search import MIN_GAIN
 from gap.split import probes
 
 MAX_TOGETHER = 9  # effects that are proposed at once
 MIN_SHARE_PROPOSED = 0.03  # of all that could be gained to first order, that is proposed at first
-MIN_SHARE_OF_FIRST = 0.5  # of what the first one adds, that another adds in a later round
-RIVAL_SHARE = 0.7  # of what the chosen one adds, from which another effect of its kind may be the better name
-MAX_COLUMNS = 6  # of a way that stands for itself: a curve of more knots stands for much else
-EXCHANGE_SHARE = 0.5  # of what taking an effect out costs, from which another is fitted in its place once more
 MAX_EXCHANGED = 2  # others that are fitted in an effect's place
 MIN_WAY, MAX_WAY = 0.1, 1.5  # of the way to a start, that a first guess goes at least and at most
 
@@ -122,7 +118,7 @@ def selected(search, twin, ways, model, least_share=MIN_SHARE_PROPOSED, share_of
     while left and len(taken) < MAX_TOGETHER:
         columns = [k for way in taken for k in way.columns]
         so_far = model.gain(columns)
-        gains = [model.gain([*columns, *w.columns]) - so_far - 2 * len(w.columns) / captures for w in left]
+        gains = [model.gain([*columns, *w.columns]) - so_far - CHARGE * len(w.columns) / captures for w in left]
         best = int(np.argmax(gains))
         if gains[best] < least:
             break
@@ -175,10 +171,10 @@ def _missing_noise(twin, taken, left, model):
 
 def _simpler(ways, gains, best):
     """Return the index of the best of simpler ways that affect the same as the best one and add nearly as much; else its own."""
-    if len(ways[best].columns) <= MAX_COLUMNS:
+    if len(ways[best].columns) <= MAX_SIMPLE:
         return best
     alike = [k for k, w in enumerate(ways) if library.affects(w.effect) == library.affects(ways[best].effect)]
-    simple = [k for k in alike if len(ways[k].columns) <= MAX_COLUMNS and gains[k] > RIVAL_SHARE * gains[best]]
+    simple = [k for k in alike if len(ways[k].columns) <= MAX_SIMPLE and gains[k] > RIVAL_SHARE * gains[best]]
     return max(simple, key=lambda k: gains[k], default=best)
 
 
@@ -195,7 +191,7 @@ def exchanges(search, twin, kept, ways, model):
     """Return {effect ``kept`` of a twin: other names, by predicted gain} that may stand in its place, to second order.
 
     Of what taking it out costs, its parameters back at their nulls and all others refitted, one that affects the same brings
-    ``EXCHANGE_SHARE``; one noise is held against another in any case, as levels tell them apart by little. Ways and the
+    ``MOST``; one noise is held against another in any case, as levels tell them apart by little. Ways and the
     LinearModel are about the twin, of which what is not ``kept`` goes back to its null. What only moves points corners have told
     apart.
     """
@@ -216,7 +212,7 @@ def exchanges(search, twin, kept, ways, model):
             if library.affects(way.effect) == library.affects(name):
                 brings[way.effect] = max(brings.get(way.effect, 0.0), rest.gain(way.columns) - at)
         noises = {n for n in brings if library.adds_noise(n) and library.adds_noise(name)}
-        rivals = [n for n in brings if n in noises or brings[n] > EXCHANGE_SHARE * cost]
+        rivals = [n for n in brings if n in noises or brings[n] > MOST * cost]
         rivals.sort(key=lambda n: (n not in noises, -brings[n], n))
         if rivals:
             found[name] = rivals[:MAX_EXCHANGED]

@@ -10,17 +10,17 @@ from dataclasses import replace
 import numpy as np
 
 from effects import library
+from gap.bounds import CERTAIN, MIN_GAIN
 from gap.derivatives import POSE_STEP, flat
 from gap.exchange import as_good_instead
 from gap.instructions import FURTHER, MORE, PLACES, TURNS
 from gap.parameters import fitted_parameters, get_parameter, priors_of, small_step, spec, with_parameters
-from gap.search import MIN_GAIN
 from gap.select_effects import is_flexible
 from gap.split import thinned
 from rig.geometry import N_POSE, perturb_pose
 from rig.words import plain
 
-MIN_INFORMATION = 9.0  # times a squared amount from which that amount is seen: three standard errors
+MIN_INFORMATION = CERTAIN**2  # times a squared amount from which that amount is seen: three standard errors
 
 
 def cannot_tell(search, twin, names):

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from gap.bounds import MIN_GAIN
 from gap.exchange import as_good_instead
 from gap.instructions import EXPOSURES, FURTHER, MORE, PLACES
 from gap.needs import MIN_INFORMATION, Told
 from gap.parameters import get_parameter, image_step, with_parameters
-from gap.search import MIN_GAIN
 from gap.signature import MIN_PATCHES
 from gap.signature_case import NumbersOf
 from gap.split import thinned

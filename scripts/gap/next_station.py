@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from gap.bounds import MIN_GAIN
 from gap.measure.places import wholly_inside
 from gap.score import excess_of
-from gap.search import MIN_GAIN
 from gap.solver import Solver
 from gap.split import split_by_station
 from job import seed_of

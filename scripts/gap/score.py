@@ -3,10 +3,9 @@
 import numpy as np
 from scipy.optimize import brentq
 
+from gap.bounds import TWICE
 from gap.observables import GAP_GROUPS, MIN_FLOOR
 from gap.residuals import RHO_NOISE, flatten, rho
-
-MAX_FLOOR = 1.5  # trials differ by more only where the twin is still wrong
 
 
 def group_gaps(groups, floors):
@@ -65,7 +64,7 @@ def floors_of(case, groups):
     for name, values in differences.items():
         if values and sum(v.size for v in values) >= 20:
             floors[name] = float(
-                np.clip(np.sqrt(rho(np.concatenate(values)).mean() / RHO_NOISE), MIN_FLOOR[name], MAX_FLOOR)
+                np.clip(np.sqrt(rho(np.concatenate(values)).mean() / RHO_NOISE), MIN_FLOOR[name], TWICE)
             )
     return floors
 

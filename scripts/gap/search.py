@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from effects import library, pipeline
+from gap.bounds import CERTAIN, CLEAR_GAIN, CLOSED, LITTLE, MAX_PARAMETERS, MIN_GAIN, MIN_STATION_LOSS, MOST, TWICE
 from gap.discrete import Discrete
 from gap.evidence import first_order_gains, start_step
 from gap.kept import kept
@@ -22,19 +23,11 @@ from gap.twin import Candidate, Twin
 
 SCALE_FROM_AFAR, SCALE_FROM_NEAR = 16.0, 2.0  # robust scale at which a fit of corners begins
 SCALE_FROM_START = 8.0  # the same from an effect's start, that of images too
-MAX_PARAMETERS = 12  # of an effect that is no free warp, and of a base that is fitted beside a candidate
-MIN_GAIN = 25.0  # in loss: less is not worth a fit, nor a name
-CLEAR_EVIDENCE = 16.0  # times MIN_GAIN that taking an effect out costs to second order: a refit need not tell
-SHARE_OF_MIMICS = 0.9  # of what an effect of many parameters brings, that simpler ones are predicted to bring together
-MAX_MIMICS, ALIKE_MIMICS = 2, 2  # of them (three make up for much by chance), sets of as many that are fitted
-MAX_HIDDEN = 0.05  # share of the held-out plates that a candidate may lose
+MAX_MIMICS = 2  # effects that bring as much together: three make up for much by chance
+ALIKE_MIMICS = 2  # sets of as many that are fitted
 ITERATIONS_OF_STARTS = 2  # in a few captures, to choose a start
 ITERATIONS_OF_RIVALS = 4  # there, to see whether a rival is one
-MAX_BEHIND = 2.0  # times the loss of what leads, beyond which it is none
 MAX_STARTS = 2  # that are fitted, those of the largest predicted gain, and as many that are nearest
-MAX_NOISE_GAP = 1.5  # gap of the noise's own observables up to which the twin's noise is like the real one
-MIN_STATION_LOSS = 3.0  # a station loses that loses more than this, or than 2 % of the whole gain
-CERTAIN_SHARE = 0.5  # of all that is left above the floor: what gains it, where it is much, is certain
 
 
 class Search:
@@ -138,7 +131,7 @@ class Search:
             lambda i: self.solver.self_simulation_residuals(i, effects, poses[i]), probes(self.train)
         )
         scatter = group_gaps(own, {})
-        if noise > MAX_NOISE_GAP * max(1.0, scatter.get("noise", 0.0)):
+        if noise > TWICE * max(1.0, scatter.get("noise", 0.0)):
             return floors
         return floors | {name: max(floors.get(name, 1.0), sd) for name, sd in scatter.items()}
 
@@ -163,7 +156,7 @@ class Search:
             return None
         # A free warp makes up for more than a second order tells
         beside_warp = any(len(p) > MAX_PARAMETERS for _, p in twin.effects)
-        if twin.evidence.get(name, 0.0) > CLEAR_EVIDENCE * MIN_GAIN and not beside_warp:
+        if twin.evidence.get(name, 0.0) > CLEAR_GAIN and not beside_warp:
             return None
         rest = self.fitted([e for e in twin.effects if e[0] != name], twin.poses)
         return rest if is_as_good(rest, twin) else None
@@ -216,7 +209,7 @@ class Search:
         rest = [e for e in twin.effects if e[0] != effect]
         fit = self.solver.approach(rest, self.free(rest), twin.poses, probes(self.train), ITERATIONS_OF_RIVALS)
         without = replace(twin, effects=tuple(fit.state.effects), poses=fit.state.poses)
-        enough = SHARE_OF_MIMICS * self._gain_of(without, [effect])([effect]).sum()
+        enough = (1 - LITTLE) * self._gain_of(without, [effect])([effect]).sum()
         gain_of, best, sets = self._gain_of(without, others), [], []
         for _ in range(min(len(others), MAX_MIMICS)):
             longer = sorted(([*best, n] for n in others if n not in best), key=lambda s: -gain_of(s).sum())
@@ -313,7 +306,7 @@ class Search:
         best = min(fits, key=lambda f: f.loss)
         if lead:
             leading = total(self.solver.residuals_of(lead.twin.effects, lead.twin.poses, probe), NU)
-            return best.state.effects if best.loss <= MAX_BEHIND * leading else None
+            return best.state.effects if best.loss <= TWICE * leading else None
         return best.state.effects
 
     def _likely_starts(self, twin, effect):
@@ -351,7 +344,7 @@ class Search:
     def _hides_plates(self, base, twin):
         """Return whether a twin shows fewer plates than the base: one that is lost costs less than one that is far off."""
         plates = sum(len(g["corners"]) for g in twin.groups.values())
-        return lost_plates(twin.groups) - lost_plates(base.groups) > MAX_HIDDEN * plates
+        return lost_plates(twin.groups) - lost_plates(base.groups) > LITTLE * plates
 
 
 def errors_to_exceed(problem, base, twin):
@@ -362,8 +355,8 @@ def errors_to_exceed(problem, base, twin):
     what a single station sees must be much, and most of what is left.
     """
     gains = gains_by_station(problem, base.losses, twin.losses)
-    much = max(CLEAR_EVIDENCE * MIN_GAIN, CERTAIN_SHARE * sum(base.excess.values()))
-    return {} if gains.sum() > min(3 * error_of_sum(gains), much) else twin.cautious_errors
+    much = max(CLEAR_GAIN, MOST * sum(base.excess.values()))
+    return {} if gains.sum() > min(CERTAIN * error_of_sum(gains), much) else twin.cautious_errors
 
 
 def is_significant(effect, values, errors):
@@ -376,7 +369,9 @@ def is_significant(effect, values, errors):
     acting = {k: p for k, p in library.parameters_of(effect).items() if not p.auxiliary}
     if len(acting) > MAX_PARAMETERS:
         return math.hypot(*((values[k] - p.null) / p.matters for k, p in acting.items())) > 1
-    return any(abs(values[k] - p.null) > max(p.matters, 3 * errors.get((effect, k), 0.0)) for k, p in acting.items())
+    return any(
+        abs(values[k] - p.null) > max(p.matters, CERTAIN * errors.get((effect, k), 0.0)) for k, p in acting.items()
+    )
 
 
 def is_as_good(twin, other):
@@ -391,6 +386,6 @@ def confused_with(problem, best, candidates):
         if other.effect == best.effect or other.gain < MIN_GAIN:
             continue
         ahead = gains_by_station(problem, other.twin.losses, best.twin.losses)
-        if ahead.sum() < max(MIN_GAIN, min(2 * error_of_sum(ahead), 0.2 * abs(best.gain))):
+        if ahead.sum() < max(MIN_GAIN, min(TWICE * error_of_sum(ahead), CLOSED * abs(best.gain))):
             names.append(other.effect)
     return names

@@ -9,15 +9,26 @@ from itertools import groupby
 import numpy as np
 
 from effects import library
+from gap.bounds import (
+    CHARGE,
+    CLOSED,
+    LITTLE,
+    MANY,
+    MAX_FLOOR_GAP,
+    MAX_PARAMETERS,
+    MIN_GAIN,
+    MIN_STATIONS,
+    MOST,
+    RIVAL_SHARE,
+    TWICE,
+)
 from gap.exchange import in_place, is_simple, loss_of, short_fit
 from gap.geometry_first import are_told_by_others
-from gap.joint_way import MANY, all_at_once
+from gap.joint_way import all_at_once
 from gap.outcome import Selection, Step, in_last_twin, outcome_of, twins_on_the_way, without_unneeded
 from gap.search import (
     ITERATIONS_OF_STARTS,
-    MAX_PARAMETERS,
     MAX_STARTS,
-    MIN_GAIN,
     SCALE_FROM_START,
     Search,
     confused_with,
@@ -26,9 +37,6 @@ from gap.search import (
 )
 from gap.split import probes
 from gap.standing import (
-    CLOSED,
-    MAX_FLOOR_GAP,
-    MIN_SHARE,
     closes_a_good_share,
     has_good_share,
     is_at_floor,
@@ -41,9 +49,6 @@ MAX_TRIED, MAX_TRIED_AGAIN = 6, 4  # candidates that are fitted at first and in 
 MAX_TRIED_WHOLLY = 2  # of those that left least after a short fit of everything
 MIN_SHARE_OF_BEST = 0.03  # of the largest predicted gain: less is not fitted in this step
 MAX_UNDERSTATED = 3.0  # times the predicted gain that an effect may really have
-RIVALS = 0.7  # share of the largest predicted gain from which an effect is tried that can only be another name
-MIN_STATIONS = 0.7  # share of held-out stations that must not lose: a highlight is not seen from everywhere
-HARDLY_CLOSED = 0.4  # share above which what helped a little gets no name
 FIRST_STEPS = 3  # that are tried one after the other, until one path closes the gap well
 BUDGET = 60_000  # predictions and derivatives by images, of one capture each
 
@@ -102,7 +107,7 @@ def _concluded(selection, base, first, before):
     if best.verdict == "unexplained" and not selection.is_spent():
         best = _with_flexible(selection, base, first, best, before)
     patched = not any(closes_a_good_share(best.twin, step.main_group, before) for step in best.steps)
-    if not best.is_closed and best.share_left > HARDLY_CLOSED and patched:
+    if not best.is_closed and best.share_left > TWICE * CLOSED and patched:
         return outcome_of(selection.search.problem, (), rank(first), base, before)
     return best
 
@@ -127,7 +132,7 @@ def _one_by_one(selection, base, first, before, together):
     """Return the Outcome of the best of several paths; an Outcome ``together`` where it leaves far less."""
     ways = [c for c in rank(first) if is_missing_from(selection.search, base, c)][:FIRST_STEPS]
     best = path(selection, base, first, before)
-    if together and together.share_left < 0.5 * best.share_left:
+    if together and together.share_left < MOST * best.share_left:
         best = together
     on_another_way = best.share_left < CLOSED or (ways and is_open(best.twin, ways[0].main_group, before))
     for way in ways[1:] if on_another_way else []:
@@ -142,7 +147,7 @@ def _one_by_one(selection, base, first, before, together):
 def _leads_farther(other, best):
     """Return whether another path's Outcome is taken before the best steps': it explains, as they do not, or leaves far less."""
     explains = best.verdict == "unexplained" and other.verdict == "explained"
-    return other.share_left < (1.0 if explains else 0.5) * best.share_left
+    return other.share_left < (1.0 if explains else MOST) * best.share_left
 
 
 def _is_good(problem, outcome, before):
@@ -291,10 +296,10 @@ def _fitted_ones(search, twin, by_group, most, beside, tried):
     gains = {n: sum(g.values()) for n, g in by_group.items() if can_be_missing(n, g, twin.excess)}
     tried = dict(tried)
     best_predicted = sorted(gains, key=lambda n: (-gains[n], n))[:most]
-    alone = twin.names and not any(gains[n] >= RIVALS * gains[best_predicted[0]] for n in best_predicted[1:])
+    alone = twin.names and not any(gains[n] >= RIVAL_SHARE * gains[best_predicted[0]] for n in best_predicted[1:])
     for name in best_predicted:
         lead = next((c for c in rank(tried.values()) if is_missing_from(search, twin, c)), None)
-        least = RIVALS if lead and search.problem.draws else MIN_SHARE_OF_BEST
+        least = RIVAL_SHARE if lead and search.problem.draws else MIN_SHARE_OF_BEST
         if name in tried or gains[name] < least * gains[best_predicted[0]]:
             continue
         if alone and name == best_predicted[0] and not is_flexible(name):
@@ -348,7 +353,7 @@ def can_be_missing(name, predicted, excess):
     """Return whether an effect's predicted gain {group: gain} is MAX_UNDERSTATED times too small to be enough, or more."""
     amply = {group: MAX_UNDERSTATED * gain for group, gain in predicted.items()}
     return sum(predicted.values()) >= MIN_GAIN and is_enough(
-        amply, sum(amply.values()), least_gain(name), excess, MIN_SHARE
+        amply, sum(amply.values()), least_gain(name), excess, LITTLE
     )
 
 
@@ -356,7 +361,7 @@ def is_missing_from(search, twin, candidate):
     """Return whether a candidate is missing from a twin: it closes more of what is left where all of that may be the floor."""
     within = search.problem.floor_within
     may_be_floor = within > 1 and twin.gap <= MAX_FLOOR_GAP * within
-    return is_missing(candidate, twin.excess, HARDLY_CLOSED if may_be_floor else MIN_SHARE)
+    return is_missing(candidate, twin.excess, TWICE * CLOSED if may_be_floor else LITTLE)
 
 
 def is_missing(candidate, excess, share):
@@ -382,4 +387,4 @@ def is_nothing_left(twin):
 
 def least_gain(name):
     """Return the gain in loss that an effect needs, each parameter charged."""
-    return MIN_GAIN + 2 * len(library.parameters_of(name))
+    return MIN_GAIN + CHARGE * len(library.parameters_of(name))

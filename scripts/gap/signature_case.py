@@ -13,6 +13,7 @@ import numpy as np
 
 from effects import library, pipeline
 from effects.encoding import srgb_decode
+from gap.bounds import CLOSED, MIN_SHARE_OF_LIGHT
 from gap.observables import CORNERS, MIN_SIGN_FLOOR, SIGNS, SIGNS_OF_GROUP, corners_in
 from gap.parameters import get_parameter, image_step, with_parameters
 from gap.power import clear_ones
@@ -21,7 +22,6 @@ from gap.predict.synthesis import ground_seen_at, shade, window_coverages
 from gap.score import robust_scatter
 from gap.signature import MIN_PATCHES, Photograph
 from gap.signature_changes import can_be_laid_on
-from gap.signature_comparison import MIN_SHOWING
 from gap.solver import Solver
 from job import seed_of
 from rig.light import LIGHT, lit
@@ -30,7 +30,6 @@ KEPT = 4000  # signatures
 USUAL_PX = 200_000  # of a photograph's windows
 NO_IMAGE = np.zeros((0, 0, 1), np.uint8)
 BY_GROUP = np.array([SIGNS.index(name) for names in SIGNS_OF_GROUP.values() for name in names])
-MIN_SHARE_OF_LIGHT = 0.95  # of what an effect changes, that another light, exposure or white balance would change alike
 # {sign: number of LIGHT that makes up for it}: where nobody declares that number, the sign tells nothing of the camera
 TAKEN_BY = {"light": "gain", "black": "stray", "red": "red", "blue": "blue"}
 OF_SLOPES = np.array([not name.startswith(("xx", "xy", "yy")) for name in LIGHT])  # a lens's fall-off is no lamp's
@@ -192,7 +191,7 @@ class SignatureCase:
         which a twin that is right but for it has a gap of 1.
         """
         off = self.signs - np.array([self.signature(i, []) for i in range(len(self.captures))])
-        counted = BY_GROUP[np.isfinite(off).mean(0)[BY_GROUP] >= MIN_SHOWING]
+        counted = BY_GROUP[np.isfinite(off).mean(0)[BY_GROUP] >= 1 - CLOSED]
         return counted, np.array([robust_scatter(off[:, k], MIN_SIGN_FLOOR[k]) for k in counted])
 
     @property

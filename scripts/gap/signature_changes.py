@@ -12,7 +12,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from effects import library
-from gap.changes import MAX_P, MIN_CAPTURES
+from gap.bounds import CLOSED, MAX_P, MOST, TWICE
+from gap.changes import MIN_CAPTURES
 from gap.exchange import MAX_GROUP
 from gap.observables import SIGNS, SIGNS_OF_GROUP
 from gap.parameters import scaled, spec
@@ -29,13 +30,8 @@ TIMES_SCALED = 2  # what effects do is not linear
 MAX_REFINED, STEPS = 6, 4  # effects whose parameters are fitted, steps of a fit
 DIFFERENCE = 0.1  # of its value, by which a parameter goes for a derivative: grey levels are whole, so less is rough
 FAR_BEHIND = 6.0  # times what the best leaves, from which an effect's are not
-MIN_SHARE_EXPLAINED = 0.5  # of what has changed, that a named effect explains
-MIN_SHARE_OF_NEXT = (
-    0.2  # of what had changed at first, left for another: a form not quite the camera's leaves a residue
-)
 MAX_CHANGES = 3
 AFTER_LENS = [SIGNS.index(name) for name in SIGNS_OF_GROUP["noise"]]
-MAX_TIMES_LEFT = 2.0  # times what the best leaves, up to which another effect explains alike
 
 
 @dataclass(frozen=True)
@@ -279,7 +275,7 @@ def _changes(sets, candidates, seed, each, uncounted):
         start = comparison.distance(np.zeros(len(SIGNS)))
         total = float(start @ start)
         at_first = at_first or total
-        little = bool(found) and total - len(comparison.counted) < MIN_SHARE_OF_NEXT * at_first
+        little = bool(found) and total - len(comparison.counted) < CLOSED * at_first
         if comparison.p > MAX_P or little or len(found) == MAX_CHANGES:
             return found, 1.0 if little else comparison.p, comparison
         change = _named(sets, laid, names, comparison, total, each)
@@ -317,10 +313,10 @@ def _named(sets, laid, names, comparison, total, each):
     near = [t for t in likely if t.left <= FAR_BEHIND * likely[0].left]
     ranked = _refined_ones(near, layers, comparison) or _refined_ones(likely[len(near) :], layers, comparison)
     ranked, k = sorted(ranked, key=lambda t: t.left), len(comparison.counted)
-    if not ranked or total - ranked[0].left < MIN_SHARE_EXPLAINED * (total - k):
+    if not ranked or total - ranked[0].left < MOST * (total - k):
         return None
     best = ranked[0]
-    alike = [t.effect for t in ranked[1:] if t.left < MAX_TIMES_LEFT * best.left]
+    alike = [t.effect for t in ranked[1:] if t.left < TWICE * best.left]
     return SignatureChange(
         best.effect,
         best.less,

@@ -5,13 +5,13 @@ from functools import cached_property
 
 import numpy as np
 
+from gap.bounds import CLOSED
 from gap.observables import SIGNS
 from gap.permutation import labellings, p_values
 from gap.power import TRIED
 from gap.signature import OF_LIGHT
 from gap.split import thinned
 
-MIN_SHOWING = 0.8  # of the photographs, that show a sign which counts
 DIVISIONS_OF_POWER = 300  # by which a change that is laid on is held against chance
 MAX_DIVISIONS = 5000  # of photographs between the sets: of 1,000 a p of 0.01 would be told to a third
 LIT = [SIGNS.index(name) for name in OF_LIGHT]
@@ -123,7 +123,7 @@ def compared(before, after, seed, poses=None, uncounted=(), ways=()):
     every, belongs = np.concatenate([before, after]), np.repeat([0, 1], [len(before), len(after)])
     shown = np.isfinite(every)
     showing = np.minimum(*(shown[belongs == k].mean(0) for k in (0, 1)))
-    counted = np.flatnonzero((showing >= MIN_SHOWING) & ~np.isin(SIGNS, uncounted))
+    counted = np.flatnonzero((showing >= 1 - CLOSED) & ~np.isin(SIGNS, uncounted))
     values = every[:, counted]
     for k in (0, 1):
         own = belongs == k

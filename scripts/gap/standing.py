@@ -2,15 +2,9 @@
 
 import numpy as np
 
+from gap.bounds import CLOSED, LITTLE, MAX_FLOOR_GAP, MOST, TWICE
 from gap.residuals import GROUPS
 from gap.score import excess_of, gap_error, group_gaps
-
-MIN_SHARE = 0.15  # of what is left above the floor, that a candidate must gain: less is a patch on a wrong form
-MIN_SHARE_OF_GROUP = 0.6  # of the excess of one group of observables, that is enough as well
-CLOSED = 0.2  # share of the first excess up to which the gap is closed, though above the floor
-MAX_ALLOWANCE = 0.1  # for what captures disagree about
-MAX_CLOSED_GAP = 2.0  # gap, in units of the floor, that is open whatever it was at first
-MAX_FLOOR_GAP = 1.10  # a gap up to this, in units of the floor, is the floor
 
 
 def is_at_floor(twin):
@@ -26,12 +20,12 @@ def is_enough(by_group, gain, least, excess, share):
     """
     if gain > share * sum(excess.values()):
         return True
-    return any(g > max(least, MIN_SHARE_OF_GROUP * excess.get(name, 0.0)) for name, g in by_group.items())
+    return any(g > max(least, MOST * excess.get(name, 0.0)) for name, g in by_group.items())
 
 
 def has_good_share(group, before):
     """Return whether a group of observables has a good share of the first excess ``before`` {group: loss}."""
-    return before[group] > MIN_SHARE * sum(before.values())
+    return before[group] > LITTLE * sum(before.values())
 
 
 def is_open(twin, group, before):
@@ -56,9 +50,9 @@ def residue_of(twin, group, before, floor_within=1.0):
 def is_above_floor(gap, error, floor_within):
     """Return whether a gap, in units of a floor that is known to a factor, is above it, its standard error allowed for.
 
-    A gap that captures disagree about is no smaller for that: the error is allowed for up to ``MAX_ALLOWANCE`` only.
+    A gap that captures disagree about is no smaller for that: the error is allowed for up to what is the floor only.
     """
-    return gap - min(2 * np.nan_to_num(error), MAX_ALLOWANCE) > MAX_FLOOR_GAP * floor_within
+    return gap - min(TWICE * np.nan_to_num(error), MAX_FLOOR_GAP - 1) > MAX_FLOOR_GAP * floor_within
 
 
 def verdict_of(steps, twin, share_left=1.0, floor_within=1.0):
@@ -67,7 +61,7 @@ def verdict_of(steps, twin, share_left=1.0, floor_within=1.0):
     ``share_left`` is what was left of the first excess: effects have the right name before they have the last form.
     ``floor_within`` is the factor to which the floor is known.
     """
-    nearly_closed = steps and share_left < CLOSED and twin.gap < MAX_CLOSED_GAP
+    nearly_closed = steps and share_left < CLOSED and twin.gap < TWICE
     if is_above_floor(twin.gap, twin.gap_se, floor_within) and not nearly_closed:
         return "unexplained"
     return "explained" if steps else "adequate"

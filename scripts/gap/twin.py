@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from gap.bounds import CHARGE
 from gap.score import excess_of, gap_error, losses_of, overall_gap
 
 
@@ -88,4 +89,4 @@ class Candidate:
 
 def rank(candidates):
     """Return candidates, best held-out loss first, each parameter charged."""
-    return sorted(candidates, key=lambda c: (-(c.gain - 2 * len(c.parameters)), c.effect))
+    return sorted(candidates, key=lambda c: (-(c.gain - CHARGE * len(c.parameters)), c.effect))

@@ -3,9 +3,10 @@
 from itertools import product
 
 from effects import library
+from gap.bounds import MIN_GAIN
 from gap.exchange import fitted_alone
 from gap.linear_model import Proposal
-from gap.search import MAX_STARTS, MIN_GAIN
+from gap.search import MAX_STARTS
 
 
 def undoing(search, end, names):

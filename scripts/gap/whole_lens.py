@@ -10,7 +10,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from effects import library
-from gap.search import MAX_PARAMETERS, Search
+from gap.bounds import MAX_PARAMETERS
+from gap.search import Search
 
 MAX_FITS = 3  # of a lens that does not come to rest in one
 WIDER = 2.0  # times what is left of points: least squares, as a calibration's, for all but corners that are wrong

@@ -25,8 +25,8 @@ from record import commit_of
 TABLE, PAGE, METHOD = ROOT / "docs/bounds.csv", ROOT / "docs/bounds.md", ROOT / "docs/method.md"
 REAL = ROOT.parent / "shared/real"
 RUNS = (
-    "none/larkspur/3-21 single/larkspur/6-22 pair/larkspur/6-21 whole/yarrow/13 whole/yarrow/16-17 whole/yarrow/19-21",
-    "real/fennel/0-3",
+    "none/larkspur/3-4 single/larkspur/6-10 pair/larkspur/6-7 whole/yarrow/49",
+    "real/fennel/0-1",
 )
 HEAD = """# What half and double of each bound turn
 

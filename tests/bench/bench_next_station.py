@@ -19,10 +19,10 @@ import numpy as np
 from tabulate import tabulate
 from tqdm import tqdm
 
+from gap.bounds import LITTLE
 from gap.next_station import HEIGHTS_M, TILTS_DEG, suggested_station
 from gap.search import Search, confused_with
 from gap.select_effects import is_missing
-from gap.standing import MIN_SHARE
 from gap.twin import rank
 from generator import draw_effect, generate_campaign, nominal
 from record import record
@@ -74,7 +74,7 @@ class Rivals:
     def are_told_apart(self):
         """Whether the first step is the hidden effect, its rival not confused with it."""
         best = self.candidates[0]
-        if best.effect != self.pair[0] or not is_missing(best, self.base.excess, MIN_SHARE):
+        if best.effect != self.pair[0] or not is_missing(best, self.base.excess, LITTLE):
             return False
         return self.pair[1] not in confused_with(self.case, best, self.candidates)
 

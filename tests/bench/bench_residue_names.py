@@ -16,10 +16,11 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"  # before numpy is loaded: threads cost
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests/bench")]
 
+from gap.bounds import CLOSED, LITTLE  # noqa: E402
 from gap.outcome import twins_on_the_way  # noqa: E402
 from gap.search import Search  # noqa: E402
 from gap.select_effects import least_gain  # noqa: E402
-from gap.standing import CLOSED, MIN_SHARE, is_enough  # noqa: E402
+from gap.standing import is_enough  # noqa: E402
 from gap.twin import Twin  # noqa: E402
 from record import record  # noqa: E402
 from trials.observe_trial import observed_cases  # noqa: E402
@@ -47,7 +48,7 @@ def stands_on_a_residue(name, first, before, after):
 
     def closes_enough(groups):
         gains = {group: before[group] - after[group] for group in groups}
-        return is_enough(gains, sum(gains.values()), least_gain(name), {g: before[g] for g in groups}, MIN_SHARE)
+        return is_enough(gains, sum(gains.values()), least_gain(name), {g: before[g] for g in groups}, LITTLE)
 
     return closes_enough(before) and not closes_enough([g for g in before if before[g] > CLOSED * first[g]])
 

@@ -1,11 +1,9 @@
 """How large the diagnosis is: ``python tests/bench/bench_size.py`` counts its lines and its bounds and records them (record.py)."""
 
 import argparse
-import re
+import runpy
 
 from record import ROOT, record
-
-BOUND = re.compile(r"^\| [^|]+ \| [^|]+ \| `[a-z_]+\.py` \|", re.MULTILINE)
 
 
 def lines_of(project):
@@ -15,8 +13,8 @@ def lines_of(project):
 
 
 def bounds_of(project):
-    """Return the number of bounds that docs/method.md lists."""
-    return len(BOUND.findall((project / "docs/method.md").read_text(encoding="utf-8")))
+    """Return the number of bounds that decide a name or a verdict: all of scripts/gap/bounds.py."""
+    return sum(name.isupper() for name in runpy.run_path(str(project / "scripts/gap/bounds.py")))
 
 
 def main(argv=None):

@@ -13,7 +13,7 @@ from case_files import load_measured, without_lens
 from effects import library, pipeline
 from effects.base import Scene, View
 from expand_tables import expand_tables
-from gap import search, select_effects, standing, whole_lens
+from gap import search, select_effects, whole_lens
 from gap.board import (
     board_case,
     local_noise_px,
@@ -22,6 +22,7 @@ from gap.board import (
     without_alternation,
     without_pixel_locking,
 )
+from gap.bounds import LITTLE
 from gap.derivatives import flat
 from gap.select_effects import verdict
 from gap.whole_lens import left_out_px, whole_lens_record, with_whole_lens
@@ -104,8 +105,8 @@ def test_a_step_that_closes_a_fifth_of_the_gap_and_leaves_it_open_gets_no_name(m
     problem = problem_of(*photographs(effects, bend_px=0.12))
     _, _, _, outcome = verdict(problem, candidates=["rolling_shutter"])
     assert (outcome.steps, outcome.verdict) == ((), "adequate") and outcome.twin.gap > 1.3
-    monkeypatch.setattr(select_effects, "HARDLY_CLOSED", 1.0)
-    as_patches = lambda _, twin, candidate: select_effects.is_missing(candidate, twin.excess, standing.MIN_SHARE)  # noqa: E731
+    monkeypatch.setattr(select_effects, "CLOSED", 0.5)
+    as_patches = lambda _, twin, candidate: select_effects.is_missing(candidate, twin.excess, LITTLE)  # noqa: E731
     monkeypatch.setattr(select_effects, "is_missing_from", as_patches)
     _, _, _, patched = verdict(problem, candidates=["rolling_shutter"])
     assert [s.effect for s in patched.steps] == ["rolling_shutter"] and 0.6 < patched.share_left < 0.9

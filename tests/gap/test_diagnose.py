@@ -302,7 +302,7 @@ def test_what_the_user_fixed_stays_fixed_parameter_by_parameter(motion_blurred):
     assert with_fixed.is_fixed("vignetting") and not with_fixed.is_fixed("exposure")
 
 
-@pytest.mark.parametrize(("lost", "hides"), [(2, False), (3, True)])
+@pytest.mark.parametrize(("lost", "hides"), [(6, False), (7, True)])
 def test_a_twin_that_hides_plates_is_told(lost, hides):
     """A lost plate costs less than one that is far off: a glare over all plates would come out best."""
     base = SimpleNamespace(groups={0: {"corners": np.full((40, 8), 30.0)}})

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from gap import linear_model
+from gap.bounds import MAX_SIMPLE, MIN_GAIN
 from gap.evidence import start_step, step_over_rounding
-from gap.linear_model import MAX_COLUMNS, LinearModel, Way, _rivals, _simpler, exchanges, missing_noise, selected
+from gap.linear_model import LinearModel, Way, _rivals, _simpler, exchanges, missing_noise, selected
 from gap.parameters import spec
-from gap.search import MIN_GAIN
 
 H, G = np.array([[4.0, 2.0, 0.0], [2.0, 4.0, 0.0], [0.0, 0.0, 1.0]]), np.array([8.0, 8.0, -3.0])
 
@@ -46,7 +46,7 @@ CURVE, EXPOSURE, BLUR = (
 @pytest.mark.parametrize(("gain", "chosen"), [(8.0, 1), (6.0, 0)], ids=["mimics", "is no match"])
 def test_a_curve_gives_way_to_what_explains_nearly_as_much(gain, chosen):
     """Fails if a curve of many knots is proposed where one number does, a blur that is no curve takes its place, or anything."""
-    assert len(CURVE.columns) > MAX_COLUMNS
+    assert len(CURVE.columns) > MAX_SIMPLE
     assert _simpler([CURVE, EXPOSURE, BLUR], [10.0, gain, 9.9], 0) == chosen
 
 

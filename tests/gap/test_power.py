@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from effects import library
-from gap.changes import MAX_P, Asked, power_to_see
+from gap.bounds import MAX_P
+from gap.changes import Asked, power_to_see
 from gap.observables import SIGNS
 from gap.permutation import Moments, labellings, p_values
 from gap.power import AMOUNTS, clear_ones, least_seen

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from stand_in_twins import base_twin
 
+from gap.bounds import LITTLE
 from gap.search import Search
 from gap.select_effects import is_missing, least_gain
-from gap.standing import MIN_SHARE
 
 CAPTURES, COLUMNS, ROWS = 10, 10, 8
 REPEATS, PATTERN = 0.5, 0.57  # standard deviations of what repeats of a station and columns differ by
@@ -45,7 +45,7 @@ def candidate_beside(effect, seed, fall_off):
 def named(effect, fall_off):
     """Return the share of patterns beside which a vignetting is missing."""
     tried = [candidate_beside(effect, k, fall_off) for k in range(100)]
-    return np.mean([is_missing(candidate, base.excess, MIN_SHARE) for candidate, base in tried])
+    return np.mean([is_missing(candidate, base.excess, LITTLE) for candidate, base in tried])
 
 
 def test_what_follows_a_pattern_by_chance_is_no_effect_however_many_captures_show_it():

@@ -7,10 +7,10 @@ from drawn_board import board_case, photograph
 import gap.signature_changes
 from effects import library
 from effects.pipeline import map_points
+from gap.bounds import TWICE
 from gap.observables import SIGNS
 from gap.signature import OF_CODEC, Photograph
 from gap.signature_changes import (
-    MAX_TIMES_LEFT,
     Layer,
     candidates_of,
     compared,
@@ -190,7 +190,7 @@ def test_a_rival_of_what_was_laid_on_is_scaled_until_it_is_one(before):
     poses = np.array([p.pose for p in before + later])
     comparison = compared(*(signatures_of(photographs, (), map) for photographs in (before, later)), 1, poses)
     blur, defocus = (tried(name, Layer(before, [], 1, map), comparison) for name in ("lens_blur", "defocus"))
-    assert defocus.left < MAX_TIMES_LEFT * blur.left
+    assert defocus.left < TWICE * blur.left
 
 
 def test_a_photograph_through_another_lens_shows_its_patches_there(before):
