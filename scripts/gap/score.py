@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.optimize import brentq
 
-from gap.bounds import TWICE
+from gap.bounds import MAX_FLOOR
 from gap.observables import GAP_GROUPS, MIN_FLOOR
 from gap.residuals import RHO_NOISE, flatten, rho
 
@@ -64,7 +64,7 @@ def floors_of(case, groups):
     for name, values in differences.items():
         if values and sum(v.size for v in values) >= 20:
             floors[name] = float(
-                np.clip(np.sqrt(rho(np.concatenate(values)).mean() / RHO_NOISE), MIN_FLOOR[name], TWICE)
+                np.clip(np.sqrt(rho(np.concatenate(values)).mean() / RHO_NOISE), MIN_FLOOR[name], MAX_FLOOR)
             )
     return floors
 

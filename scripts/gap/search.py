@@ -9,7 +9,18 @@ from dataclasses import replace
 import numpy as np
 
 from effects import library, pipeline
-from gap.bounds import CERTAIN, CLEAR_GAIN, CLOSED, LITTLE, MAX_PARAMETERS, MIN_GAIN, MIN_STATION_LOSS, MOST, TWICE
+from gap.bounds import (
+    CERTAIN,
+    CLEAR_GAIN,
+    CLOSED,
+    LITTLE,
+    MAX_FLOOR,
+    MAX_PARAMETERS,
+    MIN_GAIN,
+    MIN_STATION_LOSS,
+    MOST,
+    TWICE,
+)
 from gap.discrete import Discrete
 from gap.evidence import first_order_gains, start_step
 from gap.kept import kept
@@ -23,8 +34,7 @@ from gap.twin import Candidate, Twin
 
 SCALE_FROM_AFAR, SCALE_FROM_NEAR = 16.0, 2.0  # robust scale at which a fit of corners begins
 SCALE_FROM_START = 8.0  # the same from an effect's start, that of images too
-MAX_MIMICS = 2  # effects that bring as much together: three make up for much by chance
-ALIKE_MIMICS = 2  # sets of as many that are fitted
+MAX_MIMICS, ALIKE_MIMICS = 2, 2  # effects that bring as much together (three do by chance), sets of as many
 ITERATIONS_OF_STARTS = 2  # in a few captures, to choose a start
 ITERATIONS_OF_RIVALS = 4  # there, to see whether a rival is one
 MAX_STARTS = 2  # that are fitted, those of the largest predicted gain, and as many that are nearest
@@ -131,7 +141,7 @@ class Search:
             lambda i: self.solver.self_simulation_residuals(i, effects, poses[i]), probes(self.train)
         )
         scatter = group_gaps(own, {})
-        if noise > TWICE * max(1.0, scatter.get("noise", 0.0)):
+        if noise > MAX_FLOOR * max(1.0, scatter.get("noise", 0.0)):
             return floors
         return floors | {name: max(floors.get(name, 1.0), sd) for name, sd in scatter.items()}
 
@@ -369,9 +379,8 @@ def is_significant(effect, values, errors):
     acting = {k: p for k, p in library.parameters_of(effect).items() if not p.auxiliary}
     if len(acting) > MAX_PARAMETERS:
         return math.hypot(*((values[k] - p.null) / p.matters for k, p in acting.items())) > 1
-    return any(
-        abs(values[k] - p.null) > max(p.matters, CERTAIN * errors.get((effect, k), 0.0)) for k, p in acting.items()
-    )
+    least = {k: max(p.matters, CERTAIN * errors.get((effect, k), 0.0)) for k, p in acting.items()}
+    return any(abs(values[k] - p.null) > least[k] for k, p in acting.items())
 
 
 def is_as_good(twin, other):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from drawn import grey_image, scene_and_view
 
-from gap.bounds import TWICE
+from gap.bounds import MAX_FLOOR
 from gap.measure.capture import Codes, measure_colour
 from gap.measure.regions import GROUND, SKY, WHITE, choose_regions, noise_features
 from gap.observables import COLOUR_FEATURES, MIN_FLOOR, NOISE_FEATURES
@@ -181,7 +181,7 @@ def trials(measured, stations=None):
     [
         (0.01, MIN_FLOOR["field"]),
         (1.0, np.sqrt(8 * np.log(1 + 1 / 8) / RHO_NOISE)),
-        (50.0, TWICE),
+        (50.0, MAX_FLOOR),
     ],
 )
 def test_the_floor_is_how_far_trials_lie_apart(apart, floor):
@@ -221,12 +221,12 @@ def test_floors_rise_to_a_twins_own_scatter_where_its_noise_is_like_the_real_one
     real = {0: {"corners": np.full(40, 2.0), "noise": np.full(10, 2.5)}}
     own = {0: {"corners": np.full(40, 2.0), "noise": np.full(10, own_noise)}}
     search = SimpleNamespace(
-        problem=SimpleNamespace(floors_of=lambda groups: {"corners": 1.5}),
+        problem=SimpleNamespace(floors_of=lambda groups: {"corners": MAX_FLOOR}),
         solver=SimpleNamespace(each=lambda function, indices: own),
         train=[0],
     )
     floors = Search.floors_at(search, (), np.zeros((1, 6)), real)
-    assert (floors["corners"] > 1.5) == raised
+    assert (floors["corners"] > MAX_FLOOR) == raised
     assert ("noise" in floors) == raised
 
 

@@ -29,7 +29,7 @@ def test_bounds_of_the_page_are_those_of_the_code():
     assert {name: float(value) for name, value in BOUNDS.items()} == {
         n: v for n, v in vars(bounds).items() if n.isupper()
     }
-    assert len(BOUNDS) == 18 and "Eighteen numbers decide a name or a verdict" in PAGE
+    assert len(BOUNDS) == 19 and "Nineteen numbers decide a name or a verdict" in PAGE
 
 
 def test_bounds_that_are_only_named_are_in_the_code():
