@@ -16,12 +16,11 @@ from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from case_files import load_case, load_observations
 from effects import library
-from gap.bounds import CHARGE, MAX_FLOOR_GAP, MAX_PARAMETERS, MIN_GAIN, TWICE
+from gap.bounds import CERTAIN, CHARGE, MAX_FLOOR_GAP, MAX_PARAMETERS, MIN_GAIN, TWICE
 from gap.observables import FEATURES, GAP_GROUPS
 from gap.residuals import NU, Whitener, rho
 from gap.where import BINS
 
-ERRORS = 3  # standard errors from its null at which a parameter is significant, as in gap.search.is_significant
 MIN_SHOWN = 0.05  # a parameter may end at its null, which no logarithm shows
 SIZE_IN, DPI = (8, 3.3), 90
 TWINS = {"configured": ("as configured", figures.ORANGE), "explained": ("with what was found", figures.BLUE)}
@@ -108,8 +107,8 @@ def draw_evidence(results, camera):
     axis.set_xlim(min(0.3, table["size"].min() / 4), 12 * table["size"].max())
     axis.set_ylim(min(0.3, table["evidence"].min() / 2), 3 * table["evidence"].max())
     (_, right), (_, top) = axis.get_xlim(), axis.get_ylim()
-    axis.fill_between([1, right], ERRORS, top, color=figures.GREEN, alpha=0.1, lw=0)
-    axis.text(right / 1.1, ERRORS * 1.3, "one parameter here is enough", fontsize=8, color=figures.GREEN, ha="right")
+    axis.fill_between([1, right], CERTAIN, top, color=figures.GREEN, alpha=0.1, lw=0)
+    axis.text(right / 1.1, CERTAIN * 1.3, "one parameter here is enough", fontsize=8, color=figures.GREEN, ha="right")
     axis.legend(loc="center left", bbox_to_anchor=(1, 0.5), fontsize=8)
     axis.set_title("parameters of the effects that were named")
     return figure

@@ -18,9 +18,7 @@ MIN_STATIONS = 0.7  # of those held out, that must not lose by a name: a highlig
 MIN_SHARE_OF_LIGHT = 0.95  # of what an effect changes, that another light does as well: then it does not compete
 
 MAX_FLOOR_GAP = 1.1  # gap, in floors, that is the floor: floors are estimates themselves
-MAX_FLOOR = (
-    1.5  # floors of repeats, and a gap of noise, that are the camera's own: they are more where the twin is still wrong
-)
+MAX_FLOOR = 1.5  # floors of repeats, and a gap of noise, that are the camera's own: more is a twin that is still wrong
 TWICE = 2.0  # floors, losses or standard errors apart: farther is another thing, nearer may be the same
 MAX_TIMES_OFF = 4.0  # times the usual residual of its set: a capture farther off is left out
 

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from effects import library
-from gap.bounds import CLOSED, MAX_P, MOST, TWICE
+from gap.bounds import CHARGE, CLOSED, MAX_P, MOST, TWICE
 from gap.changes import MIN_CAPTURES
 from gap.exchange import MAX_GROUP
 from gap.observables import SIGNS, SIGNS_OF_GROUP
@@ -186,7 +186,7 @@ def laid_on(name, parameters, layer, comparison):
         name,
         layer.sign < 0,
         parameters,
-        float(distance @ distance) + 2 * len(library.fitted_parameters(name)),
+        float(distance @ distance) + CHARGE * len(library.fitted_parameters(name)),
         moved,
         {},
     )
