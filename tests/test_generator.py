@@ -13,7 +13,7 @@ from generator.processing import drawn_order, process
 from job_inputs import names_imported
 
 CAMERA = nominal.Camera("hp325", 480, 270, 369.5)
-TINY = nominal.CAMERAS["tiny"][0]
+TINY = nominal.RIGS["tiny"].cameras[0]
 
 
 def pose(height=0.5, tilt=20.0, turn=(0.02, 0.03, 0.05)):
@@ -96,7 +96,7 @@ def test_codes_lie_where_opencv_projects_them(lens):
         effects["tangential_distortion"] = {"p1": lens["p1"], "p2": lens["p2"]}
     dark = 1.0 - black_square_image(effects, rotation, centre).astype(float)
     checked = 0
-    for marker in nominal.markers():
+    for marker in nominal.rail_plates():
         polygon = project(outline(marker, 0.07), rotation, centre, **lens)
         low, high = np.floor(polygon.min(0)).astype(int) - 2, np.ceil(polygon.max(0)).astype(int) + 2
         if (low < 0).any() or (high >= [CAMERA.width, CAMERA.height]).any():
@@ -112,6 +112,23 @@ def test_codes_lie_where_opencv_projects_them(lens):
     assert checked >= 15
 
 
+@pytest.mark.parametrize("size", nominal.RIGS)
+def test_plates_are_as_large_as_their_rig_declares(size):
+    """Fails if a rig's plates are drawn with another one's margin, in other reflectances, or elsewhere than it declares."""
+    rig, checked = nominal.RIGS[size], 0
+    rotation, centre = pose(rig.heights_m[0], rig.tilts_deg[-1])
+    light = CampaignCamera(CAMERA, {}, "s", rig=rig).linear_light(rotation, centre)[..., 0]
+    for marker in rig.plates:
+        rings = {(rig.code_m + rig.plate_m) / 2: "white", 1.1 * rig.plate_m: "ground"}
+        for side, surface in rings.items():
+            x, y = np.rint(project(outline(marker, side), rotation, centre)).astype(int).T
+            if np.ptp(y) < 30 or min(x.min(), y.min()) < 0 or x.max() >= CAMERA.width or y.max() >= CAMERA.height:
+                break
+            assert set(light[y, x]) == {np.float32(rig.reflectance[surface])}
+            checked += 1
+    assert checked >= 4
+
+
 def test_corners_of_the_nearest_codes_to_a_hundredth_of_a_pixel():
     """Lines through the sub-pixel crossings of each edge meet where OpenCV projects the corner; else a
     corner is off.
@@ -119,7 +136,7 @@ def test_corners_of_the_nearest_codes_to_a_hundredth_of_a_pixel():
     rotation, centre = pose(0.5, 45.0, (0.02, 0.03, 0.2))
     image = black_square_image({}, rotation, centre).astype(float)
     checked = 0
-    for marker in nominal.markers():
+    for marker in nominal.rail_plates():
         corners = project(outline(marker, 0.07, 1), rotation, centre)
         if corners.min() < 8 or (corners.max(0) > [CAMERA.width - 8, CAMERA.height - 8]).any():
             continue
@@ -163,7 +180,7 @@ def test_levels_are_exact():
         expected = 255 * (1.055 * level ** (1 / 2.4) - 0.055)
         seen = image[:, light == np.float32(level)]
         assert abs(seen.mean() - expected) < 0.06
-        assert abs(seen.std() - np.sqrt(nominal.NOISE_DN**2 + 1 / 12)) < 0.05
+        assert abs(seen.std() - np.sqrt(nominal.RIGS["tiny"].noise_dn ** 2 + 1 / 12)) < 0.05
 
 
 @pytest.mark.parametrize(("dictionary", "name"), [("DICT_5X5_1000", 0), ("DICT_ARUCO_ORIGINAL", 0)])

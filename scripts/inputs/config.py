@@ -118,8 +118,9 @@ class BlindTrials(Settings):
         0, ge=0, le=10_000, description="photographs of boards, one effect laid on or, of every third, none"
     )
     photographs: MaybePath = Field(None, description="folder of campaigns of boards, for real")
-    size: Literal["standard", "small", "tiny"] = Field(
-        "standard", description="standard: 20 captures of half a megapixel; small: 8; tiny: 4"
+    size: Literal["standard", "small", "tiny", "few", "near"] = Field(
+        "standard",
+        description="standard: 20 captures of half a megapixel; small: 8; tiny: 4; few, near: other rigs (docs/blind-trials.md)",
     )
     seed: str = Field("trials", max_length=64, description="another name gives other trials")
 

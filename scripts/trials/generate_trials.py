@@ -83,7 +83,7 @@ def generate_trial(out, truths, kind, index, seed, effect=None, strength=None, s
     power trials of one effect and round share the draw and differ in strength only.
     """
     name, trial_seed, strength = identity(kind, index, seed, effect, strength, size)
-    cameras = nominal.CAMERAS[size]
+    cameras = nominal.RIGS[size].cameras
     draw_seed = f"{seed}/{index // len(POWER_STRENGTHS)}" if kind == "power" else trial_seed
     camera = cameras[nominal.rng_of("camera", draw_seed).integers(len(cameras))]
     strengths = dict.fromkeys(hidden_effects(kind, index, seed, effect), strength)
@@ -109,7 +109,7 @@ def main(argv=None):
     parser.add_argument("--effect", choices=[*LIBRARY, *OUTSIDE], help="hide this one instead of a drawn one")
     parser.add_argument("--strength", type=float, help="1 is clear; 0.25 and 0.5 for power curves")
     parser.add_argument("--photographs", help="folder of campaigns of boards, for --kind real")
-    parser.add_argument("--size", choices=list(nominal.CAMERAS), default="standard")
+    parser.add_argument("--size", choices=list(nominal.RIGS), default="standard")
     a = parser.parse_args(argv)
     if Path(a.truths).resolve().is_relative_to(Path(a.out).resolve()):
         parser.error("--truths must not be in the folder of the campaigns")

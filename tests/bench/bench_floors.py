@@ -29,6 +29,7 @@ from record import record
 from register_captures import register_captures
 
 CAMPAIGNS, STATIONS = 20, 14
+RIG = nominal.RIGS["standard"]  # for its tolerances
 CAMERA = nominal.Camera("camera", 640, 480, 700.0)
 COLUMNS, ROWS, SQUARE_M = 9, 6, 0.025  # inner corners of the board
 ALSO = ("radial_distortion", "lens_blur", "jpeg_compression")  # beside noise, each in half of the campaigns
@@ -54,10 +55,10 @@ def pose(rng):
 
 def mounted(rotation, place, rng):
     """Return R (3, 3), t (3,) of a board mounted at a rotation (3,) and a place of its middle, to a rig's tolerances."""
-    turned = rotation + rng.normal(0, np.radians(nominal.TOLERANCE_ANGLE_DEG), 3)
+    turned = rotation + rng.normal(0, np.radians(RIG.tolerance_angle_deg), 3)
     R = cv2.Rodrigues(turned)[0]
     middle = np.array([(COLUMNS + 1) / 2, (ROWS + 1) / 2, 0.0]) * SQUARE_M
-    return R, place + rng.normal(0, nominal.TOLERANCE_POSITION_M, 3) - R @ middle
+    return R, place + rng.normal(0, RIG.tolerance_position_m, 3) - R @ middle
 
 
 def light_at(x, y, R, t, fine_px):

@@ -30,7 +30,7 @@ OPEN = [*((what,) for what in WORDS), tuple(what for what in WORDS if what != "l
 
 def diagnosed(left_open, hidden, seed):
     """Return (verdict, names, gap) of a campaign that leaves some things open and hides some effects."""
-    camera = nominal.CAMERAS["standard"][0]
+    camera = nominal.RIGS["standard"].cameras[0]
     effects = [(name, draw_effect(name, 1.0, camera, seed)) for name in hidden]
     with tempfile.TemporaryDirectory() as folder:
         campaign, kept = Path(folder) / "left_open", Path(folder) / "kept"

@@ -47,7 +47,7 @@ PAIRS = [  # (hidden, rival, strength: a part of what is clear, first stations)
 
 def measured(folder, hidden, strength, stations):
     """Return the Case of a campaign with one hidden effect, both captures of each station measured."""
-    camera = nominal.CAMERAS[SIZE][0]
+    camera = nominal.RIGS[SIZE].cameras[0]
     seed = f"next station/{hidden}"
     effects = [(hidden, draw_effect(hidden, strength, camera, seed))]
     generate_campaign(folder / "campaign", folder / "truth", effects, seed, SIZE, CAMERA, stations=stations)

@@ -17,7 +17,7 @@ def generated_case(folder, kind, effect=None, seed="gap tests", strength=1.0, in
 
 def case_of_several(folder, names, seed="gap tests", size="tiny"):
     """Return the Case, everything measured, of a campaign generated in a folder that hides some effects at clear strength."""
-    camera = nominal.CAMERAS[size][0]
+    camera = nominal.RIGS[size].cameras[0]
     effects = [(n, draw_effect(n, 1.0, camera, f"{seed}/{n}")) for n in names]
     generate_campaign(folder / "c", folder / "e", effects, seed, size=size, camera=camera.name)
     return measured_case(folder / "c", folder)

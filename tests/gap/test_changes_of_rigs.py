@@ -16,7 +16,7 @@ from find_changes import find_changes  # noqa: E402
 from generator import draw_effect, generate_campaign, nominal  # noqa: E402
 from trials.observe_trial import observe_trial  # noqa: E402
 
-CAMERA = nominal.CAMERAS["tiny"][0]
+CAMERA = nominal.RIGS["tiny"].cameras[0]
 STATIONS = [(0.35, 20), (0.45, 30), (0.5, 45)]  # each twice: six captures, of which permutations can tell
 CANDIDATES = ["vignetting", "exposure", "focal_length"]
 FALL_OFF = draw_effect("vignetting", 1.0, CAMERA, "rigs")

@@ -34,7 +34,7 @@ def made(tmp_path_factory):
         key = tuple(left_open), tuple(names)
         if key not in cases:
             folder = tmp_path_factory.mktemp("open")
-            effects = [(n, draw_effect(n, 1.0, nominal.CAMERAS["small"][0], SEED)) for n in names]
+            effects = [(n, draw_effect(n, 1.0, nominal.RIGS["small"].cameras[0], SEED)) for n in names]
             generate_campaign(folder / "c", folder / "truth", effects, SEED, "small", left_open=left_open)
             observe_trial(folder / "c", folder / "seen")
             cases[key] = observed_cases(folder / "seen")[0]

@@ -13,7 +13,7 @@ from inputs.campaign import load_campaign
 from trials import generate_trials
 from trials.trial_names import names_of
 
-TINY = nominal.CAMERAS["tiny"][0]
+TINY = nominal.RIGS["tiny"].cameras[0]
 
 
 def test_a_campaign_is_complete_and_tells_nothing(tmp_path):

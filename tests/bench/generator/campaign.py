@@ -14,8 +14,8 @@ from generator import light, nominal, optics, processing, rays, sensor, tracer
 from generator.vocabulary import LIBRARY, OUTSIDE, library_parameters
 
 
-def true_plates(effects, seed_name):
-    """Return what stands on the rail: rotations (P, 3, 3) plate to world, centres (P, 3) m, cells (P, 7, 7),
+def true_plates(rig, effects, seed_name):
+    """Return what stands on a ``nominal.Rig``: rotations (P, 3, 3) plate to world, centres (P, 3) m, cells (P, 7, 7),
     to_code (P, 2, 3).
 
     ``to_code`` takes plate metres (x right, y up) to module coordinates (u right, v down), through the
@@ -23,7 +23,7 @@ def true_plates(effects, seed_name):
     """
     rng = nominal.rng_of("plates", seed_name)
     rotations, centres, cells, to_code = [], [], [], []
-    for m in nominal.markers():
+    for m in rig.plates:
         rotation, centre = np.eye(3), np.array([m["x"], m["y"], 0.0])
         if p := effects.get("rail_sag"):
             # Arc of a circle over the chord y_start .. y_end; each plate lies along it.
@@ -61,14 +61,14 @@ def plate_maps(plates, row_rotations, row_centres):
     return np.linalg.inv(np.concatenate([axes, offset[..., None]], axis=-1)), eyes
 
 
-def trace_capture(camera, plates, grids, rotation, centre, effects, margin, fine):
+def trace_capture(rig, camera, plates, grids, rotation, centre, effects, margin, fine):
     """Return linear light (H, W, 1 or 3) under the lens's spreads, ``margin`` pixels around the frame."""
     poses = rays.row_poses(rotation, centre, camera, effects, margin, fine)
     maps, eyes = plate_maps(plates, *poses)
     up = np.ascontiguousarray(poses[0][:, :, 2])
-    ink = effects.get("ink_reflectance", nominal.REFLECTANCE)
-    levels = np.array([ink["white"], ink["black"]] + [nominal.REFLECTANCE[k] for k in ("ground", "background")])
-    side = nominal.markers()[0]["code_m"] * effects.get("marker_scale", {"scale": 1.0})["scale"]
+    ink = effects.get("ink_reflectance", rig.reflectance)
+    levels = np.array([ink["white"], ink["black"]] + [rig.reflectance[k] for k in ("ground", "background")])
+    side = rig.code_m * effects.get("marker_scale", {"scale": 1.0})["scale"]
     spread = effects.get("ink_spread", {"spread_m": 0.0})["spread_m"] * nominal.MODULES / side
     curl = effects.get("plate_curl", {"rise_m": 0.0, "axis": 0})
     rises = np.full(len(plates[0]), curl["rise_m"])
@@ -82,7 +82,7 @@ def trace_capture(camera, plates, grids, rotation, centre, effects, margin, fine
             maps,
             eyes,
             plates[2],
-            0.05,
+            rig.plate_m / 2,
             plates[3],
             spread,
             rises,
@@ -104,14 +104,15 @@ class CampaignCamera:
     seed.
     """
 
-    def __init__(self, camera, effects, seed_name, left_open=()):
+    def __init__(self, camera, effects, seed_name, left_open=(), rig=nominal.RIGS["standard"]):
         effects = left_open_effects.shared_effects(left_open, seed_name) | effects
         self.camera, self.effects, self.seed_name, self.left_open = camera, effects, seed_name, left_open
+        self.rig = rig
         self.fine = optics.FINE if effects.keys() & set(optics.SPREADS) else 1
         self.margin = optics.margin_of(camera, effects)
         channels = (0, 1, 2) if "lateral_chromatic_aberration" in effects else (1,)
         self.grids = [rays.corner_grid(camera, effects, c, self.margin, self.fine) for c in channels]
-        self.plates = true_plates(effects, seed_name)
+        self.plates = true_plates(rig, effects, seed_name)
         self.order = processing.drawn_order(effects, seed_name)
 
     def effects_of(self, capture):
@@ -124,7 +125,9 @@ class CampaignCamera:
         """
         effects = self.effects if effects is None else effects
         rotation, centre = rays.capture_pose(rotation, centre, effects)
-        image = trace_capture(self.camera, self.plates, self.grids, rotation, centre, effects, self.margin, self.fine)
+        image = trace_capture(
+            self.rig, self.camera, self.plates, self.grids, rotation, centre, effects, self.margin, self.fine
+        )
         image = optics.stray_light(image, self.camera, effects, self.margin)
         m = self.margin
         return image[m : m + self.camera.height, m : m + self.camera.width]
@@ -136,42 +139,42 @@ class CampaignCamera:
         effects = self.effects_of(capture)
         encoded = sensor.read_out(self.linear_light(rotation, centre, effects), self.camera, effects, shared, own)
         noise = own.standard_normal(encoded.shape, dtype=np.float32)
-        return processing.process(encoded + nominal.NOISE_DN * noise, effects, self.order)
+        return processing.process(encoded + self.rig.noise_dn * noise, effects, self.order)
 
 
-def _captures(camera, stations, seed_name):
+def _captures(rig, camera, stations, seed_name):
     """Yield (capture, height_m, tilt_deg, trial, R_cam_world, centre, pose error) with the tolerance drawn
     per capture.
     """
     for height, tilt in stations:
-        for trial in range(nominal.TRIALS):
+        for trial in range(rig.trials):
             capture = f"{camera.name}_h{round(height * 100):03d}_t{tilt}_r{trial}"
             rng = nominal.rng_of("pose", seed_name, capture)
-            shift = nominal.TOLERANCE_POSITION_M * rng.standard_normal(3)
-            turn = nominal.TOLERANCE_ANGLE_DEG * rng.standard_normal(3)
+            shift = rig.tolerance_position_m * rng.standard_normal(3)
+            turn = rig.tolerance_angle_deg * rng.standard_normal(3)
             rotation = Rotation.from_rotvec(turn, degrees=True).as_matrix() @ nominal.station_rotation(tilt)
             yield capture, height, tilt, trial, rotation, np.array([0.0, 0.0, height]) + shift, (shift, turn)
 
 
-def _write_tables(folder, camera, captures, left_open):
+def _write_tables(folder, rig, camera, captures, left_open):
     lines = ["dictionary,id,code_m,plate_m,x,y,z,rx,ry,rz"]
     lines += [
         f"{m['dictionary']},{m['id']},{m['code_m']},{m['plate_m']},{m['x']},{m['y']},0.0,0.0,0.0,0.0"
-        for m in nominal.markers()
+        for m in rig.plates
     ]
     (folder / "markers.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
     lines = ["capture,camera,height_m,tilt_deg,trial,image"]
     lines += [f"{c},{camera.name},{h},{t},{r},images/{camera.name}/{c}.png" for c, h, t, r, *_ in captures]
     (folder / "captures.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    declared = {"exposure": "1.0", "reflectance": "".join(f"\n  {k}: {v}" for k, v in nominal.REFLECTANCE.items())}
+    declared = {"exposure": "1.0", "reflectance": "".join(f"\n  {k}: {v}" for k, v in rig.reflectance.items())}
     declared |= {what: left_open_effects.WORDS[what] for what in left_open}
     declared = "".join(f"{what}: {value}\n" for what, value in declared.items())
     text = (
         f"schema: 1\nname: {folder.name}\norigin: simulated\nmarkers: markers.csv\ncaptures: captures.csv\n"
         f"cameras:\n  {camera.name}:\n    width: {camera.width}\n    height: {camera.height}\n"
         f"    fx: {camera.fx}\n    fy: {camera.fx}\n    cx: {camera.cx}\n    cy: {camera.cy}\n"
-        f"{declared}encoding: srgb\nnoise_dn: {nominal.NOISE_DN}\ntolerance:\n"
-        f"  position_m: {nominal.TOLERANCE_POSITION_M}\n  angle_deg: {nominal.TOLERANCE_ANGLE_DEG}\n"
+        f"{declared}encoding: srgb\nnoise_dn: {rig.noise_dn}\ntolerance:\n"
+        f"  position_m: {rig.tolerance_position_m}\n  angle_deg: {rig.tolerance_angle_deg}\n"
     )
     # Last of all: a folder whose making was cut short has no campaign.yaml.
     (folder / "campaign.yaml").write_text(text, encoding="utf-8")
@@ -184,7 +187,7 @@ def generate_campaign(
     ``truth_folder``/truth.json.
 
     ``effects``: list of (name, parameters in this generator's units, see ``draw_effect``). ``size``:
-    ``standard`` (20 captures of half a megapixel), ``small`` (8 of 768 x 432), ``tiny`` (4 of 384 x 216).
+    one of ``nominal.RIGS``.
     ``camera``: a name among that size's cameras (default: the first). ``notes``: further keys of the
     truth. ``stations``: [(height_m, tilt_deg)], whole degrees, instead of that size's. ``left_open``: of light, exposure,
     white_balance and reflectance what the campaign does not declare and each capture has for itself. Same arguments, same bytes.
@@ -192,16 +195,17 @@ def generate_campaign(
     folder, truth_folder = Path(folder), Path(truth_folder)
     if unknown := [name for name, _ in effects if name not in LIBRARY and name not in OUTSIDE]:
         raise ValueError(f"no such effects: {unknown}; allowed: {[*LIBRARY, *OUTSIDE]}")
-    cameras = {c.name: c for c in nominal.CAMERAS[size]}
-    camera = cameras[camera] if camera else nominal.CAMERAS[size][0]
+    nominal_rig = nominal.RIGS[size]
+    cameras = {c.name: c for c in nominal_rig.cameras}
+    camera = cameras[camera] if camera else nominal_rig.cameras[0]
     (folder / "images" / camera.name).mkdir(parents=True, exist_ok=True)
     truth_folder.mkdir(parents=True, exist_ok=True)
-    rig = CampaignCamera(camera, dict(effects), seed_name, left_open)
-    captures = list(_captures(camera, stations or nominal.stations(size), seed_name))
+    rig = CampaignCamera(camera, dict(effects), seed_name, left_open, nominal_rig)
+    captures = list(_captures(nominal_rig, camera, stations or nominal_rig.stations, seed_name))
     for capture, _, _, _, rotation, centre, _ in captures:
         image = rig.photograph(rotation, centre, capture)
         Image.fromarray(image).save(folder / "images" / camera.name / f"{capture}.png", compress_level=1)
-    _write_tables(folder, camera, captures, left_open)
+    _write_tables(folder, nominal_rig, camera, captures, left_open)
     truth = {
         "campaign": folder.name,
         "camera": camera.name,

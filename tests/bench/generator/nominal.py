@@ -1,19 +1,13 @@
-"""The nominal rig: cameras, stations, plates and the bits printed on them, as the campaign format states
+"""The nominal rigs: cameras, stations, plates and the bits printed on them, as the campaign format states
 them.
 """
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 
-REFLECTANCE = {"white": 0.8, "black": 0.05, "ground": 0.35, "background": 0.3}
-NOISE_DN = 1.0
-TOLERANCE_POSITION_M = 0.002
-TOLERANCE_ANGLE_DEG = 0.2
-TILTS_DEG = (20, 45)
-TRIALS = 2
 MODULES = 7
 
 
@@ -40,16 +34,81 @@ class Camera:
         return float(np.hypot(self.cx, self.cy))
 
 
-CAMERAS = {
-    "standard": [
-        Camera("hp325", 960, 540, 739.0),
-        Camera("brio", 960, 540, 550.75),
-        Camera("quest3", 826, 883, 507.2),
-    ],
-    "small": [Camera("hp325", 768, 432, 591.2), Camera("brio", 768, 432, 440.6)],
-    "tiny": [Camera("hp325", 384, 216, 295.6)],
+def rail_plates():
+    """Return the 40 plates of the rail as dicts: dictionary, id, code_m, plate_m, x, y (metres)."""
+    rows = []
+    for dictionary, x_even, x_odd in (("DICT_5X5_1000", -0.36, 0.12), ("DICT_ARUCO_ORIGINAL", 0.36, -0.12)):
+        for i in range(20):
+            x = x_odd if i % 2 else x_even
+            rows.append({"dictionary": dictionary, "id": i, "code_m": 0.07, "plate_m": 0.1, "x": x, "y": (i + 1) / 10})
+    return rows
+
+
+def grid_plates(count, columns, first_id, code_m, plate_m, pitch_x, pitch_y, near_y):
+    """Return plates as ``rail_plates``: rows of ``columns`` about x = 0, the nearest row at ``near_y``, metres apart by the pitches."""
+    places = [((i % columns - (columns - 1) / 2) * pitch_x, near_y + pitch_y * (i // columns)) for i in range(count)]
+    return [
+        {"dictionary": "DICT_5X5_1000", "id": first_id + i, "code_m": code_m, "plate_m": plate_m, "x": x, "y": y}
+        for i, (x, y) in enumerate(places)
+    ]
+
+
+@dataclass(frozen=True)
+class Rig:
+    """What a campaign declares: ``cameras``, of which it has one; stations at all ``heights_m`` and ``tilts_deg``, ``trials`` of
+    each; ``plates`` as ``rail_plates``, all of one size; ``reflectance``; noise in grey levels; tolerances of stations.
+    """
+
+    cameras: tuple
+    heights_m: tuple
+    tilts_deg: tuple = (20, 45)
+    trials: int = 2
+    plates: tuple = tuple(rail_plates())
+    reflectance: dict = field(default_factory=lambda: {"white": 0.8, "black": 0.05, "ground": 0.35, "background": 0.3})
+    noise_dn: float = 1.0
+    tolerance_position_m: float = 0.002
+    tolerance_angle_deg: float = 0.2
+
+    @property
+    def code_m(self):
+        return self.plates[0]["code_m"]
+
+    @property
+    def plate_m(self):
+        return self.plates[0]["plate_m"]
+
+    @property
+    def stations(self):
+        """The (height_m, tilt_deg) of a campaign, in the captures' order."""
+        return [(h, t) for h in self.heights_m for t in self.tilts_deg]
+
+
+RIGS = {
+    "standard": Rig(
+        (Camera("hp325", 960, 540, 739.0), Camera("brio", 960, 540, 550.75), Camera("quest3", 826, 883, 507.2)),
+        (0.3, 0.5, 0.7, 0.9, 1.1),
+    ),
+    "small": Rig((Camera("hp325", 768, 432, 591.2), Camera("brio", 768, 432, 440.6)), (0.3, 0.7)),
+    "tiny": Rig((Camera("hp325", 384, 216, 295.6),), (0.5,)),
+    "few": Rig(
+        (Camera("hp325", 1280, 800, 1000.0),),
+        (0.5, 0.8, 1.2),
+        (25, 40, 55),
+        1,
+        tuple(grid_plates(14, 3, 100, 0.12, 0.15, 0.24, 0.2, 0.25)),
+        {"white": 0.7, "black": 0.08, "ground": 0.2, "background": 0.5},
+        2.0,
+    ),
+    "near": Rig(
+        (Camera("hp325", 640, 480, 520.0),),
+        (0.3, 0.4, 0.55, 0.7),
+        (30, 60),
+        plates=tuple(grid_plates(24, 4, 300, 0.05, 0.065, 0.11, 0.1, 0.08)),
+        noise_dn=0.7,
+        tolerance_position_m=0.006,
+        tolerance_angle_deg=0.6,
+    ),
 }
-HEIGHTS_M = {"standard": (0.3, 0.5, 0.7, 0.9, 1.1), "small": (0.3, 0.7), "tiny": (0.5,)}
 
 
 def seed_of(*names):
@@ -60,16 +119,6 @@ def seed_of(*names):
 def rng_of(*names):
     """Return a generator of random numbers seeded by the names alone."""
     return np.random.default_rng(seed_of(*names))
-
-
-def markers():
-    """Return the 40 plates of the rail as dicts: dictionary, id, code_m, plate_m, x, y (metres)."""
-    rows = []
-    for dictionary, x_even, x_odd in (("DICT_5X5_1000", -0.36, 0.12), ("DICT_ARUCO_ORIGINAL", 0.36, -0.12)):
-        for i in range(20):
-            x = x_odd if i % 2 else x_even
-            rows.append({"dictionary": dictionary, "id": i, "code_m": 0.07, "plate_m": 0.1, "x": x, "y": (i + 1) / 10})
-    return rows
 
 
 def black_modules(dictionary, number):
@@ -97,8 +146,3 @@ def station_rotation(tilt_deg):
     """
     c, s = np.cos(np.radians(tilt_deg)), np.sin(np.radians(tilt_deg))
     return np.array([[1.0, 0.0, 0.0], [0.0, -s, -c], [0.0, c, -s]])
-
-
-def stations(size):
-    """Return the (height_m, tilt_deg) of a campaign of that size, in the captures' order."""
-    return [(h, t) for h in HEIGHTS_M[size] for t in TILTS_DEG]
