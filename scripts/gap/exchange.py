@@ -4,7 +4,7 @@ from functools import partial
 
 from effects import library
 from gap.bounds import LITTLE, MAX_SIMPLE, MIN_GAIN, TWICE
-from gap.parameters import is_geometric
+from gap.parameters import in_place, is_geometric
 from gap.residuals import NU, robust_scale_of, total
 from gap.search import MAX_STARTS, SCALE_FROM_NEAR, SCALE_FROM_START, is_as_good
 from gap.split import probes
@@ -67,6 +67,15 @@ def from_best_starts(search, end, names):
     return list(end.state.effects), end.state.poses
 
 
+def begun_anew(search, base, twin, steps):
+    """Return the Twin of some Steps, or what leaves clearly less: fitted anew from the starts of each effect in turn."""
+    ways = zip(steps, [base, *(s.twin for s in steps)], strict=False)
+    for step, before in (way for way in ways if way[0].effect not in way[1].names):
+        anew = search.begun_anew(twin, step.effect, before)
+        twin = anew if anew.loss < twin.loss - MIN_GAIN else twin
+    return twin
+
+
 def _nearest_starts(search, end, name):
     """Return those MAX_STARTS of an effect's starts that leave least beside a Descent's others; none where it has but one."""
     starts = search.problem.starts_of(name)
@@ -78,11 +87,6 @@ def _nearest_starts(search, end, name):
         return total(search.solver.residuals_of(effects, end.state.poses, probes(search.train)), NU)
 
     return sorted(starts, key=left)[:MAX_STARTS]
-
-
-def in_place(effects, name, other):
-    """Return effects [(name, p)] in which another, (name, p), has the place of one."""
-    return [other if e[0] == name else e for e in effects]
 
 
 def exchanged(search, end, name, rivals, iterations=FURTHER_ITERATIONS):

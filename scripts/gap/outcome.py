@@ -2,7 +2,10 @@
 
 from dataclasses import dataclass, field, replace
 
-from gap.exchange import in_place, one_of
+from gap.bounds import CLOSED, MIN_GAIN, TWICE
+from gap.exchange import one_of
+from gap.parameters import in_place
+from gap.score import error_of_sum, gains_by_station
 from gap.search import Search
 from gap.standing import residue_of, verdict_of
 from gap.twin import Candidate, Twin
@@ -146,3 +149,15 @@ def in_last_twin(search, twin, steps, before):
         alike = one_of(search, twin, step.effect, others)
         told.append(replace(step, one_of=alike, residue=residue))
     return tuple(told)
+
+
+def confused_with(problem, best, candidates):
+    """Return the names of candidates that the held-out stations cannot tell from the best one."""
+    names = []
+    for other in candidates:
+        if other.effect == best.effect or other.gain < MIN_GAIN:
+            continue
+        ahead = gains_by_station(problem, other.twin.losses, best.twin.losses)
+        if ahead.sum() < max(MIN_GAIN, min(TWICE * error_of_sum(ahead), CLOSED * abs(best.gain))):
+            names.append(other.effect)
+    return names

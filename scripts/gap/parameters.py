@@ -28,6 +28,11 @@ def with_parameters(effects, free, values):
     return list(new.items())
 
 
+def in_place(effects, name, other):
+    """Return effects [(name, p)] in which another, (name, p), has the place of one."""
+    return [other if e[0] == name else e for e in effects]
+
+
 def bounds_of(free):
     """Return (lower, upper) arrays."""
     return np.array([spec(f).lower for f in free]), np.array([spec(f).upper for f in free])

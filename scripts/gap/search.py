@@ -12,7 +12,6 @@ from effects import library, pipeline
 from gap.bounds import (
     CERTAIN,
     CLEAR_GAIN,
-    CLOSED,
     LITTLE,
     MAX_FLOOR,
     MAX_PARAMETERS,
@@ -25,7 +24,7 @@ from gap.discrete import Discrete
 from gap.evidence import first_order_gains, start_step
 from gap.kept import kept
 from gap.normal_equations import gains_of_step, normal_equations
-from gap.parameters import fitted_parameters, is_geometric, spec
+from gap.parameters import fitted_parameters, in_place, is_geometric, spec
 from gap.problem import may_have
 from gap.residuals import GROUPS, NU, flatten, lost_plates, rho, robust_scale_of, total
 from gap.score import error_of_sum, gains_by_station, group_gaps, group_losses, shared_gain
@@ -156,6 +155,16 @@ class Search:
         if compared == twin.effects:
             return twin
         return min(twin, self.fitted(compared, twin.poses), key=lambda t: t.loss)
+
+    @kept
+    def begun_anew(self, twin, effect, before):
+        """Return a Twin, or what leaves less: fitted anew from an effect's starts that are likely beside a Twin ``before``.
+
+        A fit ends in a local minimum near its beginning.
+        """
+        starts = self._likely_starts(before, effect)
+        anew = [in_place(twin.effects, effect, (effect, start)) for start in starts if len(starts) > 1]
+        return min([twin, *(self.fitted(e, twin.poses, SCALE_FROM_START) for e in anew)], key=lambda t: t.loss)
 
     def without_unneeded(self, twin, name):
         """Return the Twin without an effect, refitted, where it is as good on the held-out captures; None where it is not.
@@ -386,15 +395,3 @@ def is_significant(effect, values, errors):
 def is_as_good(twin, other):
     """Return whether a twin's loss on the held-out captures is less than MIN_GAIN above that of another."""
     return sum(twin.losses.values()) < sum(other.losses.values()) + MIN_GAIN
-
-
-def confused_with(problem, best, candidates):
-    """Return the names of candidates that the held-out stations cannot tell from the best one."""
-    names = []
-    for other in candidates:
-        if other.effect == best.effect or other.gain < MIN_GAIN:
-            continue
-        ahead = gains_by_station(problem, other.twin.losses, best.twin.losses)
-        if ahead.sum() < max(MIN_GAIN, min(TWICE * error_of_sum(ahead), CLOSED * abs(best.gain))):
-            names.append(other.effect)
-    return names

@@ -22,16 +22,16 @@ from gap.bounds import (
     RIVAL_SHARE,
     TWICE,
 )
-from gap.exchange import in_place, is_simple, loss_of, short_fit
+from gap.exchange import begun_anew, is_simple, loss_of, short_fit
 from gap.geometry_first import are_told_by_others
 from gap.joint_way import all_at_once
-from gap.outcome import Selection, Step, in_last_twin, outcome_of, twins_on_the_way, without_unneeded
+from gap.outcome import Selection, Step, confused_with, in_last_twin, outcome_of, twins_on_the_way, without_unneeded
+from gap.parameters import in_place
 from gap.search import (
     ITERATIONS_OF_STARTS,
     MAX_STARTS,
     SCALE_FROM_START,
     Search,
-    confused_with,
     errors_to_exceed,
     is_significant,
 )
@@ -172,11 +172,14 @@ def path(selection, base, first, before, start_with=None, taken=()):
     steps, candidates, names = list(taken), rank(first), [c.effect for c in first]
     while not selection.is_spent():
         missing = [c for c in candidates if is_missing_from(search, twin, c)]
-        if not missing and search.problem.is_of_signs:
-            here = outcome_of(search.problem, steps, (), twin, before)
-            if not _is_good(search.problem, here, before):
+        here = outcome_of(search.problem, steps, rank(candidates), twin, before)
+        if not missing and not _is_good(search.problem, here, before):
+            if search.problem.is_of_signs:
                 candidates = try_by_short_fits(search, twin, candidates)
-                missing = [c for c in candidates if is_missing_from(search, twin, c)]
+            elif (anew := begun_anew(search, base, twin, steps)) is not twin:
+                twin, steps = anew, [*steps[:-1], replace(steps[-1], twin=anew)]
+                candidates, gains = try_beside_others(search, twin, names, gains)
+            missing = [c for c in candidates if is_missing_from(search, twin, c)]
         if not missing:
             break
         best = next((c for c in missing if c.effect == start_with and not steps), missing[0])

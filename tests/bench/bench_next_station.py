@@ -21,7 +21,8 @@ from tqdm import tqdm
 
 from gap.bounds import LITTLE
 from gap.next_station import HEIGHTS_M, TILTS_DEG, suggested_station
-from gap.search import Search, confused_with
+from gap.outcome import confused_with
+from gap.search import Search
 from gap.select_effects import is_missing
 from gap.twin import rank
 from generator import draw_effect, generate_campaign, nominal

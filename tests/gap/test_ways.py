@@ -1,5 +1,6 @@
 """Which first steps are tried, one after the other, and whether what they lead to gets names."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +10,7 @@ from stand_in_twins import twin_with_gaps
 from effects import library
 from gap import select_effects
 from gap.outcome import Step, outcome_of
-from gap.search import MAX_STARTS
+from gap.search import MAX_STARTS, Search
 from gap.twin import Candidate
 
 
@@ -137,3 +138,49 @@ def test_many_are_fitted_together_only_where_one_leaves_something(monkeypatch, l
     selection = SimpleNamespace(search=SimpleNamespace(problem=problem), is_spent=lambda: True)
     select_effects.concluded(selection, base, [one])
     assert bool(asked) == is_asked
+
+
+@pytest.mark.parametrize(("gain", "is_taken"), [(900.0, True), (10.0, False)], ids=["another minimum", "hardly less"])
+def test_a_way_that_leaves_a_gap_is_fitted_anew_before_it_ends(monkeypatch, gain, is_taken):
+    """Fails if a near lamp stays `unexplained` in the wrong place where its fit from another start closes the gap, if a twin that
+    hardly differs takes its place, or if effects of the base begin anew.
+    """
+    lamp, lens = (("illumination_gradient", {}), ("vignetting", {}))
+    base, stuck, right = (twin_with_excess(levels=excess) for excess in (100.0, 60.0, 0.1))
+    base = replace(base, effects=(lens,))
+    stuck, right = (replace(twin, effects=(lens, lamp), loss=1000.0) for twin in (stuck, right))
+    asked, tried = [], []
+
+    def begun_anew(twin, effect, before):
+        asked.append((effect, before.names))
+        return replace(right, loss=twin.loss - gain)
+
+    monkeypatch.setattr(select_effects, "try_beside_others", lambda *given: tried.append(given[1]) or ([], {}))
+    search = SimpleNamespace(problem=SimpleNamespace(floor_within=1.0, is_of_signs=False), begun_anew=begun_anew)
+    selection = SimpleNamespace(search=search, gains={}, is_spent=lambda: False)
+    taken = [Step("vignetting", base, (), (), "levels"), Step("illumination_gradient", stuck, (), (), "levels")]
+    end = select_effects.path(selection, stuck, [], base.excess, taken=taken)
+    assert asked == [("illumination_gradient", ["vignetting"])]
+    assert (end.verdict, end.twin.loss) == (("explained", 1000.0 - gain) if is_taken else ("unexplained", 1000.0))
+    assert end.steps[-1].twin is end.twin and tried == ([end.twin] if is_taken else [])
+
+
+def test_an_effect_begins_anew_where_it_has_several_likely_starts():
+    """Fails if the fit that leaves least is not taken, the values before count as none, or what has one start is fitted again."""
+    twin, fitted = (
+        SimpleNamespace(effects=[("vignetting", {}), ("defocus", {"focus_m": 1.0})], poses=None, loss=50.0),
+        [],
+    )
+
+    def fit(effects, poses, scale):
+        fitted.append([dict(effects)["defocus"]["focus_m"], list(dict(effects))])
+        return SimpleNamespace(loss=10.0 * dict(effects)["defocus"]["focus_m"])
+
+    def anew(*starts):
+        search = SimpleNamespace(
+            store=None, fitted=fit, _likely_starts=lambda before, effect: [{"focus_m": s} for s in starts]
+        )
+        return Search.begun_anew(search, twin, "defocus", None).loss
+
+    assert (anew(3.0, 2.0), anew(8.0, 9.0), anew(1.0)) == (20.0, 50.0, 50.0)
+    assert fitted == [[focus, ["vignetting", "defocus"]] for focus in (3.0, 2.0, 8.0, 9.0)]
