@@ -36,13 +36,7 @@ from gap.search import (
     is_significant,
 )
 from gap.split import probes
-from gap.standing import (
-    closes_a_good_share,
-    has_good_share,
-    is_at_floor,
-    is_enough,
-    is_open,
-)
+from gap.standing import closes_a_good_share, has_good_share, is_at_floor, is_enough, is_nothing_left, is_open
 from gap.twin import rank
 
 MAX_TRIED, MAX_TRIED_AGAIN = 6, 4  # candidates that are fitted at first and in later steps; others stay at their null
@@ -101,6 +95,8 @@ def _concluded(selection, base, first, before):
     best = None if is_one_enough(rigid) else all_at_once(selection, base, base, [c.effect for c in rigid], before)
     if not best or best.verdict == "unexplained":
         best = _one_by_one(selection, base, rigid, before, best)
+    if best.verdict == "unexplained" and not (selection.is_spent() or selection.search.problem.is_of_signs):
+        best = _begun_anew(selection, base, best, before)
     # Of many, each was held against others; where all is told by exact maps, looking costs next to nothing
     if best.steps and len(best.steps) < MANY and not (is_at_floor(best.twin) and selection.search.problem.draws):
         best = _with_simpler(selection, base, rigid, best, before)
@@ -144,6 +140,19 @@ def _one_by_one(selection, base, first, before, together):
     return best
 
 
+def _begun_anew(selection, base, best, before):
+    """Return an Outcome, or where it goes on with effects fitted anew from their starts, if that leaves clearly less."""
+    search, twin = selection.search, begun_anew(selection.search, base, best.twin, best.steps)
+    if twin is best.twin:
+        return best
+    steps = (*best.steps[:-1], replace(best.steps[-1], twin=twin))
+    here = outcome_of(search.problem, steps, best.left, twin, before)
+    if here.verdict == "explained":
+        return here
+    candidates, _ = try_beside_others(search, twin, [c.effect for c in best.left], {})
+    return path(selection, twin, candidates, before, taken=steps)
+
+
 def _leads_farther(other, best):
     """Return whether another path's Outcome is taken before the best steps': it explains, as they do not, or leaves far less."""
     explains = best.verdict == "unexplained" and other.verdict == "explained"
@@ -172,14 +181,11 @@ def path(selection, base, first, before, start_with=None, taken=()):
     steps, candidates, names = list(taken), rank(first), [c.effect for c in first]
     while not selection.is_spent():
         missing = [c for c in candidates if is_missing_from(search, twin, c)]
-        here = outcome_of(search.problem, steps, rank(candidates), twin, before)
-        if not missing and not _is_good(search.problem, here, before):
-            if search.problem.is_of_signs:
+        if not missing and search.problem.is_of_signs:
+            here = outcome_of(search.problem, steps, (), twin, before)
+            if not _is_good(search.problem, here, before):
                 candidates = try_by_short_fits(search, twin, candidates)
-            elif (anew := begun_anew(search, base, twin, steps)) is not twin:
-                twin, steps = anew, [*steps[:-1], replace(steps[-1], twin=anew)]
-                candidates, gains = try_beside_others(search, twin, names, gains)
-            missing = [c for c in candidates if is_missing_from(search, twin, c)]
+                missing = [c for c in candidates if is_missing_from(search, twin, c)]
         if not missing:
             break
         best = next((c for c in missing if c.effect == start_with and not steps), missing[0])
@@ -381,11 +387,6 @@ def is_missing(candidate, excess, share):
 def is_one_enough(candidates):
     """Return whether the best of some candidates leaves too little for another name."""
     return bool(candidates) and is_nothing_left(rank(candidates)[0].twin)
-
-
-def is_nothing_left(twin):
-    """Return whether what a twin leaves above its floors is too little for a name."""
-    return sum(twin.excess.values()) < MIN_GAIN
 
 
 def least_gain(name):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gap.bounds import CLOSED, LITTLE, MAX_FLOOR_GAP, MOST, TWICE
+from gap.bounds import CLOSED, LITTLE, MAX_FLOOR_GAP, MIN_GAIN, MOST, TWICE
 from gap.residuals import GROUPS
 from gap.score import excess_of, gap_error, group_gaps
 
@@ -11,6 +11,11 @@ def is_at_floor(twin):
     """Return whether every group of observables, poses too, is at its floor: what helps further has nothing to explain."""
     floors = {name: MAX_FLOOR_GAP * twin.floors.get(name, 1.0) for name in GROUPS}
     return not any(excess_of(twin.groups, floors).values())
+
+
+def is_nothing_left(twin):
+    """Return whether what a twin leaves above its floors is too little for a name."""
+    return sum(twin.excess.values()) < MIN_GAIN
 
 
 def is_enough(by_group, gain, least, excess, share):

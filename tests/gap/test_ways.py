@@ -9,6 +9,7 @@ from stand_in_twins import twin_with_gaps
 
 from effects import library
 from gap import select_effects
+from gap.bounds import MIN_GAIN
 from gap.outcome import Step, outcome_of
 from gap.search import MAX_STARTS, Search
 from gap.twin import Candidate
@@ -140,29 +141,38 @@ def test_many_are_fitted_together_only_where_one_leaves_something(monkeypatch, l
     assert bool(asked) == is_asked
 
 
-@pytest.mark.parametrize(("gain", "is_taken"), [(900.0, True), (10.0, False)], ids=["another minimum", "hardly less"])
-def test_a_way_that_leaves_a_gap_is_fitted_anew_before_it_ends(monkeypatch, gain, is_taken):
-    """Fails if a near lamp stays `unexplained` in the wrong place where its fit from another start closes the gap, if a twin that
-    hardly differs takes its place, or if effects of the base begin anew.
+@pytest.mark.parametrize(
+    ("gain", "closes"),
+    [(900.0, True), (900.0, False), (10.0, True)],
+    ids=["another minimum", "another minimum that leaves a gap", "hardly less"],
+)
+def test_what_leaves_a_gap_is_fitted_anew_before_the_search_ends(monkeypatch, gain, closes):
+    """Fails if a near lamp stays `unexplained` in the wrong place where its fit from another start closes the gap, if nothing is
+    sought beside a better place that leaves one, if a twin that hardly differs counts, or if effects of the base begin anew.
     """
     lamp, lens = (("illumination_gradient", {}), ("vignetting", {}))
-    base, stuck, right = (twin_with_excess(levels=excess) for excess in (100.0, 60.0, 0.1))
-    base = replace(base, effects=(lens,))
-    stuck, right = (replace(twin, effects=(lens, lamp), loss=1000.0) for twin in (stuck, right))
-    asked, tried = [], []
+    base = replace(twin_with_excess(levels=100.0), effects=(lens,))
+    stuck = replace(twin_with_excess(levels=60.0), effects=(lens, lamp), loss=1000.0)
+    asked, goes_on = [], twin_with_excess(levels=0.1 if closes else 30.0)
 
     def begun_anew(twin, effect, before):
         asked.append((effect, before.names))
-        return replace(right, loss=twin.loss - gain)
+        return replace(goes_on, effects=(lens, lamp), loss=twin.loss - gain)
 
-    monkeypatch.setattr(select_effects, "try_beside_others", lambda *given: tried.append(given[1]) or ([], {}))
-    search = SimpleNamespace(problem=SimpleNamespace(floor_within=1.0, is_of_signs=False), begun_anew=begun_anew)
-    selection = SimpleNamespace(search=search, gains={}, is_spent=lambda: False)
+    monkeypatch.setattr(select_effects, "try_beside_others", lambda *_: ([], {}))
+    monkeypatch.setattr(select_effects, "path", lambda s, twin, first, before, taken: (twin.loss, taken))
+    problem = SimpleNamespace(floor_within=1.0)
+    selection = SimpleNamespace(search=SimpleNamespace(problem=problem, begun_anew=begun_anew))
     taken = [Step("vignetting", base, (), (), "levels"), Step("illumination_gradient", stuck, (), (), "levels")]
-    end = select_effects.path(selection, stuck, [], base.excess, taken=taken)
+    best = outcome_of(problem, taken, [], stuck, base.excess)
+    end = select_effects._begun_anew(selection, base, best, base.excess)
     assert asked == [("illumination_gradient", ["vignetting"])]
-    assert (end.verdict, end.twin.loss) == (("explained", 1000.0 - gain) if is_taken else ("unexplained", 1000.0))
-    assert end.steps[-1].twin is end.twin and tried == ([end.twin] if is_taken else [])
+    if gain < MIN_GAIN:
+        assert end is best
+    elif closes:
+        assert (end.verdict, end.twin.loss, end.steps[-1].twin) == ("explained", 1000.0 - gain, end.twin)
+    else:
+        assert end[0] == 1000.0 - gain == end[1][-1].twin.loss
 
 
 def test_an_effect_begins_anew_where_it_has_several_likely_starts():
