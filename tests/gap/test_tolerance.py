@@ -1,5 +1,7 @@
 """How well stations are known, from campaign.yaml to the verdict."""
 
+from dataclasses import replace
+
 import numpy as np
 from cases import generated_case
 
@@ -9,8 +11,8 @@ from generator import nominal
 
 def test_a_tolerance_of_zero_leads_to_a_verdict(tmp_path, monkeypatch):
     """Fails if a pose is weighed by 1 / 0: gaps and standard errors would be no numbers, and nothing would be named."""
-    monkeypatch.setattr(nominal, "TOLERANCE_POSITION_M", 0)
-    monkeypatch.setattr(nominal, "TOLERANCE_ANGLE_DEG", 0)
+    exact = replace(nominal.RIGS["small"], tolerance_position_m=0, tolerance_angle_deg=0)
+    monkeypatch.setitem(nominal.RIGS, "small", exact)
     case, _ = generated_case(tmp_path, "single", "focal_length")
     _, _, _, outcome = verdict(case, candidates=["focal_length", "camera_pose_offset"])
     assert [s.effect for s in outcome.steps] == ["focal_length"]
