@@ -67,11 +67,11 @@ def from_best_starts(search, end, names):
     return list(end.state.effects), end.state.poses
 
 
-def begun_anew(search, base, twin, steps):
+def all_fitted_anew(search, base, twin, steps):
     """Return the Twin of some Steps, or what leaves clearly less: fitted anew from the starts of each effect in turn."""
     ways = zip(steps, [base, *(s.twin for s in steps)], strict=False)
     for step, before in (way for way in ways if way[0].effect not in way[1].names):
-        anew = search.begun_anew(twin, step.effect, before)
+        anew = search.fitted_anew(twin, step.effect, before)
         twin = anew if anew.loss < twin.loss - MIN_GAIN else twin
     return twin
 

@@ -157,7 +157,7 @@ class Search:
         return min(twin, self.fitted(compared, twin.poses), key=lambda t: t.loss)
 
     @kept
-    def begun_anew(self, twin, effect, before):
+    def fitted_anew(self, twin, effect, before):
         """Return a Twin, or what leaves less: fitted anew from an effect's starts that are likely beside a Twin ``before``.
 
         A fit ends in a local minimum near its beginning.

@@ -22,7 +22,7 @@ from gap.bounds import (
     RIVAL_SHARE,
     TWICE,
 )
-from gap.exchange import begun_anew, is_simple, loss_of, short_fit
+from gap.exchange import all_fitted_anew, is_simple, loss_of, short_fit
 from gap.geometry_first import are_told_by_others
 from gap.joint_way import all_at_once
 from gap.outcome import Selection, Step, confused_with, in_last_twin, outcome_of, twins_on_the_way, without_unneeded
@@ -141,16 +141,16 @@ def _one_by_one(selection, base, first, before, together):
 
 
 def _begun_anew(selection, base, best, before):
-    """Return an Outcome, or where it goes on with effects fitted anew from their starts, if that leaves clearly less."""
-    search, twin = selection.search, begun_anew(selection.search, base, best.twin, best.steps)
+    """Return an Outcome, or where it goes on with effects fitted anew from their starts, if that leaves less held out as well."""
+    search, twin = selection.search, all_fitted_anew(selection.search, base, best.twin, best.steps)
     if twin is best.twin:
         return best
     steps = (*best.steps[:-1], replace(best.steps[-1], twin=twin))
-    here = outcome_of(search.problem, steps, best.left, twin, before)
-    if here.verdict == "explained":
-        return here
-    candidates, _ = try_beside_others(search, twin, [c.effect for c in best.left], {})
-    return path(selection, twin, candidates, before, taken=steps)
+    further = outcome_of(search.problem, steps, best.left, twin, before)
+    if further.verdict == "unexplained":
+        candidates, _ = try_beside_others(search, twin, [c.effect for c in best.left], {})
+        further = path(selection, twin, candidates, before, taken=steps)
+    return min((best, further), key=lambda o: o.share_left)
 
 
 def _leads_farther(other, best):

@@ -195,17 +195,17 @@ def generate_campaign(
     folder, truth_folder = Path(folder), Path(truth_folder)
     if unknown := [name for name, _ in effects if name not in LIBRARY and name not in OUTSIDE]:
         raise ValueError(f"no such effects: {unknown}; allowed: {[*LIBRARY, *OUTSIDE]}")
-    nominal_rig = nominal.RIGS[size]
-    cameras = {c.name: c for c in nominal_rig.cameras}
-    camera = cameras[camera] if camera else nominal_rig.cameras[0]
+    rig = nominal.RIGS[size]
+    cameras = {c.name: c for c in rig.cameras}
+    camera = cameras[camera] if camera else rig.cameras[0]
     (folder / "images" / camera.name).mkdir(parents=True, exist_ok=True)
     truth_folder.mkdir(parents=True, exist_ok=True)
-    rig = CampaignCamera(camera, dict(effects), seed_name, left_open, nominal_rig)
-    captures = list(_captures(nominal_rig, camera, stations or nominal_rig.stations, seed_name))
+    made = CampaignCamera(camera, dict(effects), seed_name, left_open, rig)
+    captures = list(_captures(rig, camera, stations or rig.stations, seed_name))
     for capture, _, _, _, rotation, centre, _ in captures:
-        image = rig.photograph(rotation, centre, capture)
+        image = made.photograph(rotation, centre, capture)
         Image.fromarray(image).save(folder / "images" / camera.name / f"{capture}.png", compress_level=1)
-    _write_tables(folder, nominal_rig, camera, captures, left_open)
+    _write_tables(folder, rig, camera, captures, left_open)
     truth = {
         "campaign": folder.name,
         "camera": camera.name,
@@ -221,7 +221,7 @@ def generate_campaign(
             }
             for name, parameters in effects
         ],
-        "order": rig.order,
+        "order": made.order,
         "poses": {
             c: {"centre_error_m": list(map(float, e[0])), "rotvec_error_cam_deg": list(map(float, e[1]))}
             for c, *_, e in captures

@@ -71,10 +71,12 @@ class Rig:
 
     @property
     def code_m(self):
+        """The side of the plates' codes."""
         return self.plates[0]["code_m"]
 
     @property
     def plate_m(self):
+        """The side of the plates."""
         return self.plates[0]["plate_m"]
 
     @property
@@ -94,10 +96,10 @@ RIGS = {
         (Camera("hp325", 1280, 800, 1000.0),),
         (0.5, 0.8, 1.2),
         (25, 40, 55),
-        1,
-        tuple(grid_plates(14, 3, 100, 0.12, 0.15, 0.24, 0.2, 0.25)),
-        {"white": 0.7, "black": 0.08, "ground": 0.2, "background": 0.5},
-        2.0,
+        trials=1,
+        plates=tuple(grid_plates(14, 3, 100, 0.12, 0.15, 0.24, 0.2, 0.25)),
+        reflectance={"white": 0.7, "black": 0.08, "ground": 0.2, "background": 0.5},
+        noise_dn=2.0,
     ),
     "near": Rig(
         (Camera("hp325", 640, 480, 520.0),),
