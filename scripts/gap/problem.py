@@ -13,7 +13,7 @@ from gap.measure.places import MAX_FOLLOWED_PX, agreeing, follow_neighbours, lar
 from gap.measure.regions import choose_regions
 from gap.observables import STATE_FEATURES, corners_in
 from gap.parameters import spec
-from gap.predict.predictor import Predictor
+from gap.predict.predictor import Kept, Predictor
 from gap.predict.synthesis import Prints, coverages, ground_points, is_lit, shade
 from gap.score import floors_of
 from gap.solver import Solver
@@ -23,6 +23,7 @@ from rig.plates import printed_plates
 
 SCENES_KEPT = 64
 GEOMETRY_KEPT_PX = 20_000_000  # 400 MB
+NUMBERS_KEPT_BYTES = 400e6
 MARGIN_PX = 24  # what blurs and filters see beyond the frame
 
 
@@ -78,7 +79,7 @@ class Case:
     _scenes: dict = field(default_factory=dict)
     _prints: list = field(default_factory=list)
     _geometry: dict = field(default_factory=dict)
-    normal_numbers: dict = field(default_factory=dict)  # of each capture and step of image formation, drawn once
+    normal_numbers: Kept = field(default_factory=lambda: Kept(NUMBERS_KEPT_BYTES, lambda of_frame: of_frame.nbytes))
 
     def solver(self, noise_of=(), threads=1):
         """Return what fits twins to the captures; noise is compared in the captures ``noise_of`` alone."""

@@ -1,5 +1,7 @@
 """Windows of a frame show what the whole frame shows, and what is told of their changes is what happens."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from cases import generated_case
@@ -101,6 +103,32 @@ def test_what_a_change_draws_is_not_kept(case):
     for sigma_px in (0.8, 0.9):
         shown.change([("lens_blur", {"sigma_px": sigma_px, "softness": 1.0})])
     assert list(shown._drawn) == own
+
+
+def test_what_is_large_counts_as_several():
+    """Fails if as many scenes of a large frame are kept as of a small one, which fills gigabytes, or not even the last, which
+    each derivative of a fit needs; if what was asked for lately goes first, or what went still weighs.
+    """
+    kept = Kept(4, weight_of=len)
+    for name in ("a", "bb", "a", "ccc", "dddddd"):
+        assert kept.of(name, lambda: name) == name  # noqa: B023
+    assert list(kept) == ["dddddd"]
+    for name in ("a", "bb", "a"):
+        kept.of(name, lambda: name)  # noqa: B023
+    assert list(kept) == ["bb", "a"]
+    kept.of("e", lambda: "e")
+    assert list(kept) == ["bb", "a", "e"]
+    kept.of("f", lambda: "f")
+    assert list(kept) == ["a", "e", "f"]
+
+
+def test_noise_is_the_same_when_it_is_drawn_again(case):
+    """Fails if noise of a frame that was not kept, or was kept beside others, is another noise; if all frames are kept."""
+    pose, few = np.zeros(6), replace(case, normal_numbers=Kept(1.0, lambda of_frame: of_frame.nbytes))
+    for capture in (*few.captures[:2], few.captures[0]):
+        shown = [Shown(one, capture, [], pose, True, Kept(9)).prediction.noise for one in (case, few)]
+        np.testing.assert_array_equal(*shown)
+    assert len(few.normal_numbers) == 1 < len(case.normal_numbers)
 
 
 def test_twins_that_draw_alike_are_drawn_once(case, monkeypatch):

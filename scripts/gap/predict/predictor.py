@@ -32,7 +32,8 @@ from gap.predict.synthesis import ground_seen_at, shade, window_coverages
 from job import seed_of
 
 KEPT = 4000  # predictions, some 20 kB each
-SCENES_KEPT = 7  # windows with all steps of their image formation, 10 to 250 MB each: those of a fit and one more
+SCENES_KEPT = 7  # windows with all steps of their image formation: those of a fit and one more
+SCENE_BYTES = 64e6  # of one: a larger one, of more effects or of plates that fill a large frame, counts as several
 DRAWN_KEPT = 24  # channels of windows, some 5 MB each: those of the captures of a fit at one pose and one more
 MAX_OFF_PX = 400.0  # beyond the frame: what lies farther off is not looked at
 CLEAR_PX = 14  # of ground that is taken for ground, about a plate
@@ -52,7 +53,7 @@ class Prediction:
 class NormalNumbers:
     """Standard normal numbers that belong to a frame's pixels and to a step of its image formation, wherever windows lie.
 
-    ``drawn`` keeps those of whole frames, ``here`` those of the windows.
+    ``drawn`` (a Kept) keeps those of whole frames, ``here`` those of the windows.
     """
 
     def __init__(self, seed, frame, windows, drawn, here, name=""):
@@ -67,20 +68,27 @@ class NormalNumbers:
         key = self.seed, self.name
         if key not in self.here:
             width, height = self.frame
-            if key not in self.drawn:
-                rng = np.random.default_rng([self.seed, seed_of(self.name)])
-                self.drawn[key] = rng.standard_normal((height, width, 3), dtype=np.float32)
+            drawn = self.drawn.of(key, self._of_frame)
             x, y = (np.rint(at).astype(np.int32) for at in (self.windows.x, self.windows.y))
-            self.here[key] = self.drawn[key][np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)]
+            self.here[key] = drawn[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)]
         return self.here[key][..., : shape[2]]
+
+    def _of_frame(self):
+        """Return the numbers (H, W, 3) of a whole frame."""
+        width, height = self.frame
+        rng = np.random.default_rng([self.seed, seed_of(self.name)])
+        return rng.standard_normal((height, width, 3), dtype=np.float32)
 
 
 class Kept(OrderedDict):
-    """The last results of a function of a key, at most ``most``."""
+    """The last results of a function of a key, that weigh at most ``most`` together, each 1 if ``weight_of`` says nothing else.
 
-    def __init__(self, most):
+    The very last one is kept whatever it weighs.
+    """
+
+    def __init__(self, most, weight_of=lambda _: 1.0):
         super().__init__()
-        self.most, self.lock = most, threading.Lock()
+        self.most, self.weight_of, self.weights, self.lock = most, weight_of, {}, threading.Lock()
 
     def of(self, key, make):
         """Return what is kept under a key, made where it is not."""
@@ -90,9 +98,10 @@ class Kept(OrderedDict):
                 return self[key]
         made = make()
         with self.lock:
-            self[key] = made
-            if len(self) > self.most:
-                self.popitem(last=False)
+            self[key], self.weights[key] = made, self.weight_of(made)
+            while len(self) > 1 and sum(self.weights.values()) > self.most:
+                oldest, _ = self.popitem(last=False)
+                del self.weights[oldest]
         return made
 
 
@@ -102,7 +111,8 @@ class Predictor:
     def __init__(self, problem, noise_of=()):
         self.problem = problem
         self.noise_of = frozenset(noise_of)
-        self._predictions, self._shown, self._drawn = Kept(KEPT), Kept(SCENES_KEPT), Kept(DRAWN_KEPT)
+        self._predictions, self._drawn = Kept(KEPT), Kept(DRAWN_KEPT)
+        self._shown = Kept(SCENES_KEPT, lambda shown: max(1.0, shown.size_bytes / SCENE_BYTES))
 
     def predict(self, i, effects, pose):
         """Return the Prediction of capture i, pose and own numbers (6 + k,), by a twin of effects [(name, parameters)]."""
@@ -138,6 +148,13 @@ class Shown:
         self.radiance = self._radiance(effects)
         self.expected = self._form(self.radiance, effects, None)
         self.noisy = self._form(self.radiance, effects, self._numbers()) if with_noise else None
+
+    @property
+    def size_bytes(self):
+        """Bytes of all steps of its image formation."""
+        formed = [f for f in (self.expected, self.noisy) if f is not None]
+        steps = {id(a): a.nbytes for f in formed for state in f.states for a in state if isinstance(a, np.ndarray)}
+        return sum(steps.values())
 
     # -- image formation ----------------------------------------------------------------------------------------------
 
