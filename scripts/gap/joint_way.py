@@ -14,6 +14,7 @@ from gap.exchange import (
     FURTHER_ITERATIONS,
     exchanged,
     from_best_starts,
+    has_forms,
     loss_of,
     or_leader_alone,
     short_fit,
@@ -187,6 +188,8 @@ def _is_nearly_closed(base, twin):
 def _with_exchanges(search, base, twin, end, rivals):
     """Return (Twin, its Descent, {name: effects that do as well in its place}) in which effects gave way to ``rivals`` of theirs,
     {name: others}, where these do better: beside all others another may be the right one.
+
+    As in ``exchanged``, of many forms one has a simple one's place only where it leaves ``LITTLE`` less.
     """
     alike = {}
     for name, others in rivals.items():
@@ -195,7 +198,9 @@ def _with_exchanges(search, base, twin, end, rivals):
             continue
         other_end, kept, as_good = exchanged(search, end, name, others, FIRST_ITERATIONS)
         other = _standing(search, base, other_end)
-        if kept == name or sum(other.losses.values()) < sum(twin.losses.values()):
+        is_simpler = has_forms(name) and not has_forms(kept)
+        enough = sum(twin.losses.values()) / (1 - LITTLE if is_simpler else 1.0)
+        if kept == name or sum(other.losses.values()) < enough:
             twin, end, alike = other, other_end, alike | {kept: as_good}
     return twin, end, alike
 

@@ -29,16 +29,27 @@ def found_in_rounds(monkeypatch, one_round, selected, first):
     return joint_way._found(selection, base_twin(), base_twin(), ["denoising", "sensor_noise", "sharpening"], first)[0]
 
 
-@pytest.mark.parametrize(("loss", "kept"), [(900.0, "veiling_glare"), (1100.0, "tone_curve")], ids=["less", "more"])
-def test_another_takes_the_place_where_held_out_captures_lose_less(monkeypatch, loss, kept):
-    """Fails if what fits the fitted captures alone takes a name, or a curve keeps that of a glare."""
-    curve, glare = [(n, library.nulls_of(n)) for n in ("tone_curve", "veiling_glare")]
-    end, other = (SimpleNamespace(state=SimpleNamespace(effects=[e])) for e in (curve, glare))
-    monkeypatch.setattr(joint_way, "exchanged", lambda *_: (other, "veiling_glare", []))
+@pytest.mark.parametrize(
+    ("held", "rival", "loss", "is_taken"),
+    [
+        ("exposure", "veiling_glare", 900.0, True),
+        ("exposure", "veiling_glare", 1100.0, False),
+        ("tone_curve", "veiling_glare", 1100.0, True),
+        ("tone_curve", "veiling_glare", 1200.0, False),
+        ("veiling_glare", "tone_curve", 1100.0, False),
+    ],
+)
+def test_another_takes_the_place_where_held_out_captures_lose_less(monkeypatch, held, rival, loss, is_taken):
+    """Fails if what fits the fitted captures alone takes a name; if a curve, which makes up for what is missing besides, keeps
+    that of a glare that fits as well and loses a little more held out, or takes it so.
+    """
+    effects = {n: (n, library.nulls_of(n)) for n in (held, rival)}
+    end, other = (SimpleNamespace(state=SimpleNamespace(effects=[effects[n]])) for n in (held, rival))
+    monkeypatch.setattr(joint_way, "exchanged", lambda *_: (other, rival, []))
     monkeypatch.setattr(joint_way, "_standing", lambda search, base, end: standing_with(end.state.effects, loss))
-    twin = standing_with([curve], 1000.0)
-    found, *_ = joint_way._with_exchanges(None, base_twin(), twin, end, {"tone_curve": ["veiling_glare"]})
-    assert found.names == [kept]
+    twin = standing_with([effects[held]], 1000.0)
+    found, *_ = joint_way._with_exchanges(None, base_twin(), twin, end, {held: [rival]})
+    assert found.names == [rival if is_taken else held]
 
 
 @pytest.mark.parametrize(
