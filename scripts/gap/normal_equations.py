@@ -35,9 +35,20 @@ def step_within(bounds, theta, H, g, blocks, poses, damping):
     d = np.clip(theta + d, *bounds) - theta
     poses = poses.copy()
     for i, A, b, C in blocks:
-        move = np.linalg.solve(A, b - C @ d)
+        move = solved(A, b - C @ d)
         poses[i, : len(move)] += move
     return d, poses
+
+
+def solved(A, b):
+    """Return x (m, ...) of A x = b, A (m, m) a pose's block; the shortest where a pose that ran off leaves others untold.
+
+    A candidate may drive a camera into the board, where one point's derivatives are all that numbers hold.
+    """
+    try:
+        return np.linalg.solve(A, b)
+    except np.linalg.LinAlgError:
+        return np.linalg.lstsq(A, b)[0]
 
 
 def gains_of_step(d, derivatives, groups, blocks, nu):
@@ -49,7 +60,7 @@ def gains_of_step(d, derivatives, groups, blocks, nu):
     for i, A, b, C in blocks:
         Jt, Jp = derivatives[i]
         y = flatten(groups[i])
-        after = y - Jt @ d - Jp @ np.linalg.solve(A, b - C @ d)
+        after = y - Jt @ d - Jp @ solved(A, b - C @ d)
         gains, at = (y * y - after * after) / (1 + y * y / nu), 0
         for name in GROUPS:
             if name in groups[i]:
@@ -102,8 +113,8 @@ def without_pose(y, Jt, Jp, nu):
     A = Jp.T @ wJp + 1e-9 * np.eye(Jp.shape[1])
     b = wJp.T @ y
     C = wJp.T @ Jt
-    H = Jt.T @ (weight[:, None] * Jt) - C.T @ np.linalg.solve(A, C)
-    return H, Jt.T @ (weight * y) - C.T @ np.linalg.solve(A, b), (A, b, C)
+    H = Jt.T @ (weight[:, None] * Jt) - C.T @ solved(A, C)
+    return H, Jt.T @ (weight * y) - C.T @ solved(A, b), (A, b, C)
 
 
 def response(y, Jt, Jp, change):
@@ -119,7 +130,7 @@ def scatter_of(groups):
 def weighted_without_pose(y, Jp, change):
     """Return changes (n, m) of a capture's residuals y (n,) as far as its pose cannot follow, robustly weighted."""
     weight = (1 / (1 + y * y / NU))[:, None]
-    back = np.linalg.solve(Jp.T @ (weight * Jp) + 1e-9 * np.eye(Jp.shape[1]), Jp.T @ (weight * change))
+    back = solved(Jp.T @ (weight * Jp) + 1e-9 * np.eye(Jp.shape[1]), Jp.T @ (weight * change))
     return weight * (change - Jp @ back)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from gap.derivatives import Derivatives, flat
 from gap.evidence import evidence_of
-from gap.normal_equations import errors_of, normal_equations, step_within, updated
+from gap.normal_equations import errors_of, normal_equations, solved, step_within, updated
 from gap.observables import CORNERS
 from gap.parameters import (
     bounds_of,
@@ -137,8 +137,8 @@ class Solver:
         A = Jp.T @ wJp + np.diag(prior + 1e-9)
         b = Jp.T @ wy - prior * pose
         C = wJp.T @ Jt
-        H = Jt.T @ (weight.reshape(-1, 1) * Jt) - C.T @ np.linalg.solve(A, C)
-        g = Jt.T @ wy - C.T @ np.linalg.solve(A, b)
+        H = Jt.T @ (weight.reshape(-1, 1) * Jt) - C.T @ solved(A, C)
+        g = Jt.T @ wy - C.T @ solved(A, b)
         return H, g, (A, b, C), (nu * np.log1p(y * y / nu)).sum() + (prior * pose**2).sum()
 
     def precision_by_corners(self, effects, free, poses, offsets, train):

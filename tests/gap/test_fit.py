@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from effects import library
-from gap.normal_equations import errors_of, normal_equations, response, updated, without_pose
+from gap.normal_equations import errors_of, normal_equations, response, step_within, updated, without_pose
 from gap.observables import FEATURE_FLOOR
 from gap.parameters import image_step
 from gap.residuals import NU, Whitener, rounding_variance
@@ -21,6 +21,21 @@ def test_what_a_pose_explains_moves_no_parameter():
     by_pose = Jp @ np.arange(1.0, 7.0)[:, None]
     assert np.abs(response(y, Jt, Jp, by_pose)).max() < 1e-6
     np.testing.assert_allclose(response(y, Jt, Jp, y[:, None])[:, 0], without_pose(y, Jt, Jp, NU)[1], atol=1e-6)
+
+
+def test_a_camera_that_ran_off_raises_nothing():
+    """Fails if a candidate that drives a camera into its board, where one point's derivatives outweigh all else by more than
+    numbers hold, ends the whole diagnosis with "Singular matrix".
+    """
+    rng = np.random.default_rng(5)
+    Jt, near = rng.standard_normal((4, 2)), rng.standard_normal((4, 1))
+    H, g, (A, b, C) = without_pose(np.full(4, 0.1), Jt, 1e11 * near * np.array([[1.0, 2.0, 4.0]]), NU)
+    with pytest.raises(np.linalg.LinAlgError):
+        np.linalg.solve(A, b)
+    _, poses = step_within(
+        (np.full(2, -9.0), np.full(2, 9.0)), np.zeros(2), H, g, [(0, A, b, C)], np.zeros((1, 6)), 1e-4
+    )
+    assert np.isfinite(H).all() and np.isfinite(poses).all() and np.abs(poses).max() < 1e-6
 
 
 def test_rounding_errs_where_no_noise_carries_levels_across():
