@@ -1,8 +1,10 @@
 """Boards photographed by real cameras: a bent lens is named as such, a straight one is not blamed."""
 
 import json
+import shutil
 from pathlib import Path
 
+import cv2
 import pandas as pd
 import pytest
 
@@ -41,6 +43,29 @@ def test_the_lens_is_named_before_any_flexible_warp(tmp_path):
     assert "local_warp" not in [step["effect"] for step in verdict["steps"]]
     assert ladder.corner_rmse_px.iloc[0] > 2.0
     assert ladder.corner_rmse_px.iloc[-1] < 0.25
+
+
+def test_photographs_turned_round_tell_of_the_same_lens(tmp_path):
+    """Fails if an axis, the image's middle or a sign depends on which way up photographs are; or if one candidate's fit, which
+    runs off for these, ends it all with "Singular matrix".
+    """
+    campaign, turned = shared("real/chess_opencv_left"), tmp_path / "turned"
+    turned.mkdir()
+    for name in ("campaign.yaml", "captures.csv"):
+        shutil.copy(campaign / name, turned)
+    for path in campaign.glob("*.jpg"):
+        cv2.imwrite(
+            str(turned / path.name), cv2.rotate(cv2.imread(str(path)), cv2.ROTATE_180), [cv2.IMWRITE_JPEG_QUALITY, 100]
+        )
+    before, after = (
+        {s["effect"]: s["parameters"] for s in verdict_on(c, tmp_path / n)[0]["steps"]}
+        for c, n in ((campaign, "before"), (turned, "after"))
+    )
+    assert list(before) == list(after) == ["radial_distortion", "principal_point", "tangential_distortion"]
+    for effect, parameters in before.items():
+        sign = 1 if effect == "radial_distortion" else -1
+        for name, was in parameters.items():
+            assert after[effect][name]["value"] == pytest.approx(sign * was["value"], abs=0.2 * was["se"])
 
 
 def test_a_lens_without_distortion_is_not_blamed(tmp_path):
