@@ -12,6 +12,7 @@ import bench_photographs
 import bench_real_boards
 import bench_size
 import bench_slurm
+import bench_turned_boards
 import record
 import run_benchmarks
 from trials.summarise_trials import summary_of
@@ -182,7 +183,7 @@ def test_help_measures_nothing(monkeypatch, bench, asked, status):
     assert left.value.code == status
 
 
-@pytest.mark.parametrize("bench", [bench_photographs, bench_real_boards])
+@pytest.mark.parametrize("bench", [bench_photographs, bench_real_boards, bench_turned_boards])
 def test_without_photographs_nothing_is_recorded(tmp_path, monkeypatch, bench):
     """Fails if figures that stand already are recorded as of today, or a traceback is all that is said."""
     monkeypatch.setattr(bench, "REAL", tmp_path / "real")
