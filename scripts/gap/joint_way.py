@@ -70,15 +70,7 @@ def all_at_once(selection, base, twin, names, before, taken=()):
 def _together(selection, base, twin, names, before, taken, propose):
     """Return the Outcome of ``all_at_once`` from a first proposal by the function ``propose``."""
     search = selection.search
-    few, found = _with_fewer_plates(search), twin
-    first, poses, asked = propose(few, twin, names)
-    begun = frozenset(twin.names), frozenset(first.names)
-    if len(first.effects) - len(first.along) >= MANY and begun not in selection.begun:
-        selection.begun.add(begun)
-        ahead = Selection(few, selection.budget - search.cost, {}, _told_by(selection, few))
-        here = replace(_seen(few, twin), poses=poses)
-        found, order, alike = _found(ahead, _seen(few, base), here, asked, first)
-    search.solver.cost += few.cost
+    found, order, alike = _in_rounds(selection, base, twin, names, propose)
     if set(found.names) == set(twin.names):
         return None
     found = search.fitted(found.effects, found.poses)
@@ -93,6 +85,23 @@ def _together(selection, base, twin, names, before, taken, propose):
     steps = [told_apart(step, known.get(step.effect), alike.get(step.effect, []), found) for step in steps]
     left = [search.null_candidate(found, n) for n in names if n not in found.names]
     return outcome_of(search.problem, steps, rank(left), found, before)
+
+
+def _in_rounds(selection, base, twin, names, propose):
+    """Return ``_found`` of rounds in half of the plates; what these keep goes with them, before all are fitted.
+
+    The twin itself where too little is proposed, or what was begun before.
+    """
+    search = selection.search
+    few, found = _with_fewer_plates(search), (twin, [], {})
+    first, poses, asked = propose(few, twin, names)
+    begun = frozenset(twin.names), frozenset(first.names)
+    if len(first.effects) - len(first.along) >= MANY and begun not in selection.begun:
+        selection.begun.add(begun)
+        ahead = Selection(few, selection.budget - search.cost, {}, _told_by(selection, few))
+        found = _found(ahead, _seen(few, base), replace(_seen(few, twin), poses=poses), asked, first)
+    search.solver.cost += few.cost
+    return found
 
 
 def first_proposal(search, twin, names):

@@ -1,5 +1,6 @@
 """Rounds of many effects: when they go on, and what takes another's place at their end."""
 
+import weakref
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -181,6 +182,33 @@ def test_rounds_begin_once_from_a_set(monkeypatch, without_codec, rounds):
     twin = twin_with_gaps(levels=9.0)
     assert all_at_once(selection, twin, twin, with_it, {}) is None
     assert len(begun) == rounds
+
+
+def test_what_rounds_keep_goes_before_all_are_fitted(tmp_path, monkeypatch):
+    """Fails if rounds' scenes, gigabytes where plates fill large frames, stay beside those of the fit of all that was found."""
+    search, make = Search(case_of_several(tmp_path, ["exposure"], size="tiny")), joint_way._with_fewer_plates
+    base, names, kept, seen = search.fitted([]), ["exposure", "vignetting", "lens_blur"], [], []
+
+    def fewer(search):
+        few = make(search)
+        kept.append(weakref.ref(few.solver.predictor))
+        return few
+
+    def fitted(*_):
+        seen.append(kept[0]())
+        raise StopIteration
+
+    found = replace(base, effects=(("exposure", {"scale": 1.1}),))
+    stand_ins = {"_with_fewer_plates": fewer, "_found": lambda *_: (found, ["exposure"], {})}
+    for name, stand_in in stand_ins.items():
+        monkeypatch.setattr(joint_way, name, stand_in)
+    monkeypatch.setattr(Search, "fitted", fitted)
+    proposal = Proposal([(n, library.nulls_of(n)) for n in names])
+    with pytest.raises(StopIteration):
+        joint_way._together(
+            Selection(search, 9999, {}), base, base, names, {}, (), lambda *_: (proposal, base.poses, [])
+        )
+    assert seen == [None]
 
 
 @pytest.mark.parametrize(("fitted", "strength_dn"), [(["exposure"], 8.0), ([], 3.0)], ids=["later", "first"])
