@@ -23,7 +23,7 @@ from rig.plates import printed_plates
 
 SCENES_KEPT = 64
 GEOMETRY_KEPT_PX = 20_000_000  # 400 MB
-NUMBERS_KEPT_BYTES = 400e6
+NUMBERS_KEPT_BYTES = 400e6  # random numbers of frames, drawn once for each capture and step of image formation
 MARGIN_PX = 24  # what blurs and filters see beyond the frame
 
 

@@ -110,22 +110,36 @@ def board_sets():
     return sorted(p.parent.name for p in REAL.glob("*/campaign.yaml") if load_campaign(p.parent).file.target)
 
 
-def diagnosed(name, folder):
-    """Return the table's row of a set (dict); what is refused is said in its verdict."""
-    campaign, start = REAL / name, time.process_time()
-    (camera,) = load_campaign(campaign).captures.camera.unique()
+def measured_points(campaign, camera, folder):
+    """Return ((expand, register_json, observations), BoardCase) of a board's only camera, measured into a folder.
+
+    Raises InputError or ValueError where a campaign's photographs are refused.
+    """
     expand, intrinsics, observations = folder / "expand", folder / "r.json", folder / "observations.npz"
-    row = dict.fromkeys(COLUMNS, "") | {"set": name}
-    try:
-        expand_tables(campaign, None, camera, expand)
-        register_captures(expand, campaign, camera, folder / "r.csv", intrinsics, observations)
-        case = load_measured(expand, intrinsics, camera, observations)
-    except (InputError, ValueError) as why:
-        return row | {"verdict": f"refused: {str(why).rpartition(': ')[2]}"}
+    expand_tables(campaign, None, camera, expand)
+    register_captures(expand, campaign, camera, folder / "r.csv", intrinsics, observations)
+    return (expand, intrinsics, observations), load_measured(expand, intrinsics, camera, observations)
+
+
+def told_by_points(case):
+    """Return (what is not looked at in points, Search, base Twin, Outcome, the verdict's record) of a BoardCase."""
     competing, unseen = looked_at(case, sorted(library.available_effects()))
     search, base, first, outcome = verdict(case, candidates=competing)
     result = verdict_record(base, first, outcome, dict(case.nuisances))
     result |= telling_record(result["steps"], *cannot_tell(search, outcome.twin, competing))
+    return unseen, search, base, outcome, result
+
+
+def diagnosed(name, folder):
+    """Return the table's row of a set (dict); what is refused is said in its verdict."""
+    campaign, start = REAL / name, time.process_time()
+    (camera,) = load_campaign(campaign).captures.camera.unique()
+    row = dict.fromkeys(COLUMNS, "") | {"set": name}
+    try:
+        (expand, intrinsics, observations), case = measured_points(campaign, camera, folder)
+    except (InputError, ValueError) as why:
+        return row | {"verdict": f"refused: {str(why).rpartition(': ')[2]}"}
+    unseen, search, base, outcome, result = told_by_points(case)
     files, patches, points_after = folder / "files.csv", folder / "patches.npz", result["gap"]
     describe_files(expand / "captures.csv", campaign, camera, files)
     observe_patches(expand, intrinsics, campaign, camera, observations, patches)

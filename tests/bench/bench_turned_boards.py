@@ -16,33 +16,22 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"  # before numpy is loaded: threads cost
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests"), str(ROOT / "tests/bench")]
 
-from bench_real_boards import REAL, board_sets  # noqa: E402
-from case_files import load_measured  # noqa: E402
-from diagnose_camera import looked_at, telling_record, verdict_record  # noqa: E402
-from effects import library  # noqa: E402
-from expand_tables import expand_tables  # noqa: E402
-from gap.needs import cannot_tell  # noqa: E402
-from gap.select_effects import verdict  # noqa: E402
+from bench_real_boards import REAL, board_sets, measured_points, told_by_points  # noqa: E402
 from inputs.campaign import load_campaign  # noqa: E402
 from record import record  # noqa: E402
-from register_captures import register_captures  # noqa: E402
+from rig.errors import InputError  # noqa: E402
 from turned_board import off_in_errors, turned_round  # noqa: E402
 
 
-def told_by_points(campaign, folder):
-    """Return the steps of the verdict's record that points of a board's only camera give; ``folder`` is made for what is measured.
+def steps_of(campaign, folder):
+    """Return the steps of the verdict's record that points of a board's only camera give; ``folder`` is for what is measured.
 
-    Raises ValueError where a campaign's photographs are refused.
+    Raises InputError or ValueError where a campaign's photographs are refused.
     """
     (camera,) = load_campaign(campaign).captures.camera.unique()
-    expand, intrinsics, observations = folder / "expand", folder / "r.json", folder / "observations.npz"
-    expand_tables(campaign, None, camera, expand)
-    register_captures(expand, campaign, camera, folder / "r.csv", intrinsics, observations)
-    case = load_measured(expand, intrinsics, camera, observations)
-    competing, _ = looked_at(case, sorted(library.available_effects()))
-    search, base, first, outcome = verdict(case, candidates=competing)
-    result = verdict_record(base, first, outcome, dict(case.nuisances))
-    return telling_record(result["steps"], *cannot_tell(search, outcome.twin, competing))["steps"]
+    _, case = measured_points(campaign, camera, folder)
+    *_, result = told_by_points(case)
+    return result["steps"]
 
 
 def named_alike(before, after):
@@ -64,11 +53,11 @@ def main(argv=None):
         with tempfile.TemporaryDirectory() as folder:
             folder = Path(folder)
             try:
-                before = told_by_points(REAL / name, folder / "as it is")
-            except ValueError as why:  # as photographs, not turned
+                before = steps_of(REAL / name, folder / "as it is")
+            except (InputError, ValueError) as why:  # what is taken must be taken turned as well
                 print(f"{name}: refused ({why})", flush=True)
                 continue
-            after = told_by_points(turned_round(REAL / name, folder / "turned"), folder / "of turned")
+            after = steps_of(turned_round(REAL / name, folder / "turned"), folder / "of turned")
         alike.append(named_alike(before, after))
         off.append(off_in_errors(before, after))
         names = [", ".join(step["effect"] for step in steps) or "nothing" for steps in (before, after)]

@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from bench_turned_boards import told_by_points
+from bench_turned_boards import steps_of
 from describe_files import describe_files
 from diagnose_camera import diagnose_camera
 from effects import library
@@ -51,7 +51,7 @@ def test_photographs_turned_round_tell_of_the_same_lens(tmp_path):
     """
     campaign = shared("real/chess_opencv_left")
     turned = turned_round(campaign, tmp_path / "turned")
-    before, after = (told_by_points(c, tmp_path / n) for c, n in ((campaign, "before"), (turned, "after")))
+    before, after = (steps_of(c, tmp_path / n) for c, n in ((campaign, "before"), (turned, "after")))
     names = ["radial_distortion", "principal_point", "tangential_distortion"]
     assert [s["effect"] for s in before] == [s["effect"] for s in after] == names
     assert off_in_errors(before, after) < 0.2 < off_in_errors(before, before)
