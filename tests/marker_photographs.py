@@ -42,8 +42,9 @@ def texture(marker, scale):
     inside = (np.minimum(row, column) >= 0) & (np.maximum(row, column) < len(drawing.white))
     row, column = (np.clip(v, 0, len(drawing.white) - 1) for v in (row, column))
     white = np.where(inside, drawing.white[::-1][row, column], True)
-    for x0, y0, radius, colour in drawing.discs:
-        white = np.where(np.hypot(x - x0, y - y0) < radius, bool(colour), white)
+    for x0, y0, radius, colour in drawing.discs:  # of all samples a few are near one
+        near = tuple(slice(*np.searchsorted(at, (c - radius, c + radius))) for c in (-y0, x0))
+        white[near] = np.where(np.hypot(x[near] - x0, y[near] - y0) < radius, bool(colour), white[near])
     sampled = np.where(white, REFLECTANCE["white"], REFLECTANCE["black"])
     return sampled.reshape(TEXTURE_PX, 3, TEXTURE_PX, 3).mean((1, 3)).astype(np.float32)
 

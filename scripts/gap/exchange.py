@@ -1,5 +1,6 @@
 """Short fits in a few captures, and which of several effects does best in one's place beside all others."""
 
+from dataclasses import replace
 from functools import partial
 
 from effects import library
@@ -9,7 +10,7 @@ from gap.residuals import NU, robust_scale_of, total
 from gap.search import MAX_STARTS, SCALE_FROM_NEAR, SCALE_FROM_START, is_as_good
 from gap.split import probes
 
-FURTHER_ITERATIONS = 3  # of a fit after a change to it
+FIRST_ITERATIONS, FURTHER_ITERATIONS = 9, 3  # of a fit of many effects at once, of one after a change to it
 MAX_GROUP = 3  # effects that may stand for one another
 
 
@@ -152,3 +153,16 @@ def or_leader_alone(search, twin, proposal, end, iterations):
 def loss_of(end):
     """Return the loss of a Descent."""
     return end.loss
+
+
+def seen(search, twin):
+    """Return a Twin as the captures of another search see it, in floors of its own, as the verdict's are."""
+    effects = list(twin.effects)
+    poses, groups = search.solver.score(effects, twin.poses, search.test)
+    _, of_train = search.solver.score(effects, poses, search.train)
+    return replace(twin, poses=poses, groups=groups, floors=search.floors_at(effects, poses, of_train | groups))
+
+
+def standing(search, base, end):
+    """Return the Twin of a Descent as far as held-out captures tell it."""
+    return seen(search, replace(base, effects=tuple(end.state.effects), poses=end.state.poses, loss=end.loss))

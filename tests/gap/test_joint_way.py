@@ -5,18 +5,18 @@ import weakref
 from dataclasses import replace
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 from cases import case_of_several, generated_case
-from stand_in_twins import StandingTwin, base_twin, twin_with_gaps
+from stand_in_twins import base_twin, twin_with_gaps
 
 from effects import library
 from gap import exchange, joint_way
 from gap.exchange import short_fit
-from gap.joint_way import _is_patch, _patches, _seen, all_at_once, first_proposal
+from gap.joint_way import all_at_once, first_proposal
 from gap.linear_model import Proposal, proposed
 from gap.outcome import Selection
 from gap.parameters import fitted_parameters
+from gap.pruning import _is_clearly_more, descent_without
 from gap.search import SCALE_FROM_NEAR, SCALE_FROM_START, Search
 from gap.select_effects import is_flexible
 
@@ -99,7 +99,7 @@ def test_what_corners_tell_goes_in_first(monkeypatch):
 
     monkeypatch.setattr(joint_way, "told_by_corners", lambda *given: (moved, "moved poses", given[2]))
     monkeypatch.setattr(joint_way, "proposed", proposed)
-    monkeypatch.setattr(joint_way, "_seen", lambda _, twin: twin)
+    monkeypatch.setattr(joint_way, "seen", lambda _, twin: twin)
     first, poses, left = first_proposal(None, base_twin(), ["lens_blur", "defocus"])
     assert first.names == ["focal_length", "lens_blur"] and poses == "moved poses" and left == ["lens_blur", "defocus"]
     assert first.rivals == {"focal_length": [], "lens_blur": []}
@@ -254,51 +254,6 @@ def test_a_later_round_is_fitted_beside_the_codec_that_the_twin_has(monkeypatch,
     assert rough == [[] if has_codec else ["jpeg_compression"]]
 
 
-@pytest.mark.parametrize(
-    ("names", "asked", "left"),
-    [
-        (["focal_length", "exposure", "tone_curve"], [], ["focal_length", "exposure", "tone_curve"]),
-        (
-            ["jpeg_compression", "focal_length", "exposure", "tone_curve"],
-            ["exposure", "tone_curve"],
-            ["jpeg_compression", "focal_length", "tone_curve"],
-        ),
-    ],
-    ids=["no codec", "codec"],
-)
-def test_beside_a_codec_all_photometry_is_taken_out_to_see(monkeypatch, names, asked, left):
-    """Fails if an exposure beside the curve that holds it keeps its name for a codec's steps, or needless fits are made: without
-    what is clearly needed none is fitted on.
-    """
-    tried, fitted = [], []
-
-    def without(_, end, gone):
-        tried.extend(gone)
-        effects = [e for e in end.state.effects if e[0] not in gone]
-        loss = 500.0 if gone == ["exposure"] else 700.0
-        return SimpleNamespace(state=SimpleNamespace(effects=effects, poses=None), evidence=end.evidence, loss=loss)
-
-    def fitted_on(_, effects, *__):
-        fitted.append([n for n, _ in effects])
-        return SimpleNamespace(state=SimpleNamespace(effects=effects, poses=None), evidence={}, loss=200.0)
-
-    def standing(_, base, end):
-        lost = 1e4 if "tone_curve" not in dict(end.state.effects) else 0.0
-        return StandingTwin(tuple(end.state.effects), lost, {0: 1000.0 * len(end.state.effects)})
-
-    monkeypatch.setattr(joint_way, "_without", without)
-    monkeypatch.setattr(joint_way, "_standing", standing)
-    monkeypatch.setattr(joint_way, "short_fit", fitted_on)
-    monkeypatch.setattr(joint_way, "is_as_good", lambda *_: False)
-    monkeypatch.setattr(joint_way, "_leaves_as_little", lambda a, b: a.left <= b.left)
-    effects = tuple((n, {}) for n in names)
-    end = SimpleNamespace(state=SimpleNamespace(effects=effects), evidence=dict.fromkeys(names, 1e5), loss=200.0)
-    search = SimpleNamespace(is_fixed=lambda n: False, problem=SimpleNamespace(shows=lambda n: n == "jpeg_compression"))
-    pruned, _ = joint_way._pruned(search, base_twin(), StandingTwin(effects, 0.0, {}), end)
-    assert (tried, pruned.names) == (asked, left)
-    assert fitted == [[n for n in names if n != "exposure"]] * ("exposure" in asked)
-
-
 def test_what_others_leave_with_old_derivatives_is_what_a_fit_leaves(coded):
     """Fails if the steps without new derivatives go astray, or tell less than a fit: an effect would stay or go for that."""
     search = Search(coded)
@@ -306,62 +261,11 @@ def test_what_others_leave_with_old_derivatives_is_what_a_fit_leaves(coded):
     end = short_fit(search, effects, search.problem.start_poses(), SCALE_FROM_START, 9, rough=["jpeg_compression"])
     for name in ("colour_balance", "lens_blur"):
         rest = [e for e in end.state.effects if e[0] != name]
-        quick = joint_way._without(search, end, [name])
+        quick = descent_without(search, end, [name])
         full = short_fit(search, rest, end.state.poses, SCALE_FROM_NEAR, 9).loss
         assert 0.95 * (full - end.loss) < quick.loss - end.loss < 1.3 * (full - end.loss)
-        assert joint_way._is_clearly_more(quick.loss, end)
+        assert _is_clearly_more(quick.loss, end)
         assert [n for n, _ in quick.state.effects] == [n for n, _ in rest]
-
-
-def test_what_is_left_is_compared_in_one_twins_floors():
-    """Fails if a twin whose own noise scatters more seems to leave less."""
-    groups = {0: {"levels": np.full((1, 100), 2.0)}}
-    ample, narrow = (replace(base_twin(), groups=groups, floors={"levels": floor}) for floor in (5.0, 1.0))
-    assert sum(ample.excess.values()) == 0 < sum(narrow.excess.values())
-    assert joint_way._leaves_as_little(narrow, ample) and joint_way._leaves_as_little(ample, narrow)
-
-
-@pytest.mark.parametrize(("noise", "closes"), [(1.0, True), (9.0, False)], ids=["less", "more"])
-def test_a_round_that_loses_more_closes_nothing(noise, closes):
-    """Fails if effects are named that raise what the twin's own captures differ by, its floors, above what they spoil."""
-    before, after = (
-        replace(base_twin(), groups={0: {name: np.full((1, 100), off) for name, off in groups.items()}}, floors=floors)
-        for groups, floors in (
-            ({"levels": 3.0, "noise": 1.0}, {}),
-            ({"levels": 1.0, "noise": noise}, {"noise": 20.0}),
-        )
-    )
-    assert joint_way._closes_enough(before, after) == closes
-
-
-@pytest.mark.parametrize(
-    ("left", "patch"),
-    [({"levels": 1.0}, False), ({"levels": 900.0, "corners": 1e5}, True), ({"corners": 900.0}, False)],
-    ids=["nothing is left", "hardly anything of much", "most of its own group"],
-)
-def test_a_patch_brings_little_of_what_stays_open(left, patch):
-    """Fails if an effect keeps its name that closes a small part of a gap, or loses it for another group's gap."""
-    twin = SimpleNamespace(
-        excess=dict.fromkeys(["levels", "corners", "edges", "noise", "field", "colour", "pose"], 0.0) | left
-    )
-    groups = {"corners": np.zeros((1, 2)), "levels": np.zeros((1, 2))}
-    state = SimpleNamespace(effects=[("exposure", {"scale": 1.1})])
-    end = SimpleNamespace(
-        state=state,
-        free=[("exposure", "scale")],
-        groups={0: groups},
-        derivatives={0: (np.array([[0.0], [0.0], [1.0], [1.0]]), None)},
-        evidence={"exposure": 100.0},
-    )
-    search = SimpleNamespace(test=[1], problem=SimpleNamespace(shows=lambda name: {}))
-    assert _is_patch(search, twin, end, "exposure") == patch
-
-
-@pytest.mark.parametrize(("added", "patches"), [(["exposure"], []), (["exposure", "defocus"], ["exposure", "defocus"])])
-def test_what_came_alone_is_no_patch_before_the_round_is_asked_what_it_closes(monkeypatch, added, patches):
-    """Fails if second order keeps out the one effect of a round that halves the gap, as it did a focal length."""
-    monkeypatch.setattr(joint_way, "_is_patch", lambda *_: True)
-    assert _patches(None, None, None, added) == patches
 
 
 def test_a_search_of_fewer_plates_goes_when_it_is_done(coded):
@@ -380,4 +284,4 @@ def test_rounds_end_at_the_floors_of_the_verdict():
     search = SimpleNamespace(
         solver=solver, test=[0], train=[1], floors_at=lambda effects, poses, groups: {"noise": len(groups)}
     )
-    assert _seen(search, base_twin()).floors == {"noise": 2}
+    assert exchange.seen(search, base_twin()).floors == {"noise": 2}

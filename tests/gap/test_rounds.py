@@ -10,20 +10,23 @@ from stand_in_twins import base_twin, standing_with, twin_with_gaps
 
 from effects import library
 from gap import exchange, joint_way
-from gap.exchange import from_best_starts, short_fit, with_best_starts
+from gap.exchange import from_best_starts, with_best_starts
 from gap.joint_way import all_at_once
 from gap.linear_model import Proposal
 from gap.outcome import Selection
-from gap.search import SCALE_FROM_NEAR, SCALE_FROM_START, Search
+from gap.search import Search
 
 
-def found_in_rounds(monkeypatch, one_round, selected, first):
+def as_it_is(search, base, twin, end, names=()):
+    return twin, end
+
+
+def found_in_rounds(monkeypatch, one_round, selected, first, told_again=as_it_is):
     """Return the Twin that rounds end with, from a first Proposal until sensor noise is in; nothing is fitted or taken out."""
     for name, stand_in in {
         "_round": one_round, "selected": selected, "linear_model": lambda *_: ([], None),
         "is_at_floor": lambda twin: "sensor_noise" in twin.names, "exchanges": lambda *_: {},
-        "_pruned": lambda search, base, twin, end: (twin, end),
-        "_with_geometry_told_again": lambda search, base, twin, end, names: (twin, end),
+        "pruned": as_it_is, "_with_geometry_told_again": told_again,
     }.items():  # fmt: skip
         monkeypatch.setattr(joint_way, name, stand_in)
     selection = SimpleNamespace(search=SimpleNamespace(), is_spent=lambda: False, progress=None)
@@ -47,7 +50,7 @@ def test_another_takes_the_place_where_held_out_captures_lose_less(monkeypatch, 
     effects = {n: (n, library.nulls_of(n)) for n in (held, rival)}
     end, other = (SimpleNamespace(state=SimpleNamespace(effects=[effects[n]])) for n in (held, rival))
     monkeypatch.setattr(joint_way, "exchanged", lambda *_: (other, rival, []))
-    monkeypatch.setattr(joint_way, "_standing", lambda search, base, end: standing_with(end.state.effects, loss))
+    monkeypatch.setattr(joint_way, "standing", lambda search, base, end: standing_with(end.state.effects, loss))
     twin = standing_with([effects[held]], 1000.0)
     found, *_ = joint_way._with_exchanges(None, base_twin(), twin, end, {held: [rival]})
     assert found.names == [rival if is_taken else held]
@@ -61,12 +64,31 @@ def test_corners_change_a_name_only_where_images_agree(monkeypatch, loss, moves)
     shutter, point = [(n, library.nulls_of(n)) for n in ("rolling_shutter", "principal_point")]
     monkeypatch.setattr(joint_way, "told_beside_the_rest", lambda *_: ([point], None))
     monkeypatch.setattr(joint_way, "short_fit", lambda *_: "end")
-    monkeypatch.setattr(joint_way, "_standing", lambda *_: standing_with([point], loss))
+    monkeypatch.setattr(joint_way, "standing", lambda *_: standing_with([point], loss))
     twin = standing_with([shutter], 1000.0)
     found, _ = joint_way._with_geometry_told_again(
         None, base_twin(), twin, None, ["rolling_shutter", "principal_point"]
     )
     assert found.names == [moves]
+
+
+def test_the_next_round_is_proposed_beside_what_corners_tell_by_then(monkeypatch):
+    """Fails if a focal length that corners tell once the first round has taken their other shifts away comes in at the end alone:
+    all later rounds would look for what makes up for it.
+    """
+    beside, first = [], Proposal([("defocus", {})], {"defocus": []})
+    noise = Proposal([("sensor_noise", {})], {"sensor_noise": []})
+
+    def one_round(search, base, here, proposal):
+        beside.append(here.names)
+        return replace(here, effects=(*here.effects, *proposal.effects)), "end", {}, set()
+
+    def told(search, base, twin, end, names):
+        known = twin if "focal_length" in twin.names else replace(twin, effects=(*twin.effects, ("focal_length", {})))
+        return known, end
+
+    found_in_rounds(monkeypatch, one_round, lambda *_, **__: noise, first, told)
+    assert beside == [[], ["defocus", "focal_length"]]
 
 
 def test_what_gave_way_to_a_rival_may_come_back(monkeypatch):
@@ -111,10 +133,10 @@ def test_a_first_round_that_is_stuck_gives_way_to_its_leader(monkeypatch, alone,
 
     monkeypatch.setattr(joint_way, "_fitted_in", lambda *_: (descent([curve, ink], 5600.0), {}))
     monkeypatch.setattr(exchange, "short_fit", lambda search, effects, *_: descent(effects, alone))
-    monkeypatch.setattr(joint_way, "_is_idle", lambda *_: False)
-    monkeypatch.setattr(joint_way, "_standing", lambda search, base, end: standing_with(end.state.effects, end.loss))
-    monkeypatch.setattr(joint_way, "_patches", lambda *_: [])
-    monkeypatch.setattr(joint_way, "_closes_enough", lambda *_: True)
+    monkeypatch.setattr(joint_way, "is_idle", lambda *_: False)
+    monkeypatch.setattr(joint_way, "standing", lambda search, base, end: standing_with(end.state.effects, end.loss))
+    monkeypatch.setattr(joint_way, "patches_of", lambda *_: [])
+    monkeypatch.setattr(joint_way, "closes_enough", lambda *_: True)
     search = SimpleNamespace(problem=SimpleNamespace(shows=lambda name: False))
     proposal = Proposal([curve, ink], {"tone_curve": [], "ink_spread": []})
     there, *_ = joint_way._round(search, base_twin(), base_twin(), proposal)
@@ -134,11 +156,11 @@ def test_a_round_that_a_codecs_steps_hold_is_fitted_without_the_codec_first(monk
     first = SimpleNamespace(state=SimpleNamespace(effects=[codec, fall_off], poses=None), loss=500.0, evidence={})
     monkeypatch.setattr(joint_way, "_fitted_in", lambda *_: (first, {}))
     monkeypatch.setattr(joint_way, "short_fit", fit)
-    monkeypatch.setattr(joint_way, "_is_idle", lambda *_: False)
-    monkeypatch.setattr(joint_way, "_standing", lambda search, base, end: standing_with(end.state.effects, end.loss))
-    monkeypatch.setattr(joint_way, "_patches", lambda *_: [])
+    monkeypatch.setattr(joint_way, "is_idle", lambda *_: False)
+    monkeypatch.setattr(joint_way, "standing", lambda search, base, end: standing_with(end.state.effects, end.loss))
+    monkeypatch.setattr(joint_way, "patches_of", lambda *_: [])
     share_closed = {500.0: closes[0], 100.0: closes[1]}
-    monkeypatch.setattr(joint_way, "_closes_enough", lambda here, there, share: share_closed[there.losses[0]] > share)
+    monkeypatch.setattr(joint_way, "closes_enough", lambda here, there, share: share_closed[there.losses[0]] > share)
     search = SimpleNamespace(problem=SimpleNamespace(shows=lambda name: name == "jpeg_compression"))
     here = standing_with([codec], 900.0)
     found, *_ = joint_way._round(search, base_twin(), here, Proposal([fall_off], {"vignetting": []}))
@@ -170,7 +192,7 @@ def test_rounds_begin_once_from_a_set(monkeypatch, without_codec, rounds):
     """Fails if what is proposed without a codec pays for the rounds again that the same effects with it had, or is not tried."""
     begun = []
     monkeypatch.setattr(joint_way, "_with_fewer_plates", lambda search: SimpleNamespace(cost=0))
-    monkeypatch.setattr(joint_way, "_seen", lambda few, twin: twin)
+    monkeypatch.setattr(joint_way, "seen", lambda few, twin: twin)
     monkeypatch.setattr(joint_way, "is_at_floor", lambda _: False)
     monkeypatch.setattr(joint_way, "_found", lambda *given: begun.append(given[4].names) or (base_twin(), [], {}))
     with_it = ["jpeg_compression", "exposure", "sharpening"]
@@ -271,11 +293,11 @@ def test_what_came_along_for_nothing_goes_before_the_others_are_judged(monkeypat
 
     monkeypatch.setattr(joint_way, "_fitted_in", fitted)
     monkeypatch.setattr(joint_way, "or_leader_alone", lambda search, here, proposal, end, _: end)
-    monkeypatch.setattr(joint_way, "_is_idle", lambda search, effects, name, _: is_idle and name == "sensor_noise")
-    monkeypatch.setattr(joint_way, "_without", lambda *_: pytest.fail("the noise went alone"))
-    monkeypatch.setattr(joint_way, "_standing", lambda search, base, end: standing_with(end.state.effects, end.loss))
-    monkeypatch.setattr(joint_way, "_patches", lambda *_: [])
-    monkeypatch.setattr(joint_way, "_closes_enough", lambda *_: True)
+    monkeypatch.setattr(joint_way, "is_idle", lambda search, effects, name, _: is_idle and name == "sensor_noise")
+    monkeypatch.setattr(joint_way, "descent_without", lambda *_: pytest.fail("the noise went alone"))
+    monkeypatch.setattr(joint_way, "standing", lambda search, base, end: standing_with(end.state.effects, end.loss))
+    monkeypatch.setattr(joint_way, "patches_of", lambda *_: [])
+    monkeypatch.setattr(joint_way, "closes_enough", lambda *_: True)
     search = SimpleNamespace(problem=SimpleNamespace(shows=lambda name: False))
     rivals = {"denoising": [], "sensor_noise": ["fixed_pattern_noise"]}
     proposal = Proposal(both, rivals, ("sensor_noise",), Proposal(both[:1], rivals))
@@ -293,22 +315,9 @@ def test_what_a_round_fits_further_stays_though_nothing_new_does(monkeypatch, cl
     end = SimpleNamespace(state=SimpleNamespace(effects=[*here.effects, new]), loss=100.0, evidence={})
     rest = SimpleNamespace(state=SimpleNamespace(effects=list(here.effects)), loss=100.0, evidence={})
     monkeypatch.setattr(joint_way, "_fitted_in", lambda *_: (end, {}))
-    monkeypatch.setattr(joint_way, "_is_idle", lambda *_: True)
-    monkeypatch.setattr(joint_way, "_without", lambda *_: rest)
-    monkeypatch.setattr(joint_way, "_standing", lambda search, base, end: standing_with(end.state.effects, end.loss))
-    monkeypatch.setattr(joint_way, "_closes_enough", lambda *_: closes)
+    monkeypatch.setattr(joint_way, "is_idle", lambda *_: True)
+    monkeypatch.setattr(joint_way, "descent_without", lambda *_: rest)
+    monkeypatch.setattr(joint_way, "standing", lambda search, base, end: standing_with(end.state.effects, end.loss))
+    monkeypatch.setattr(joint_way, "closes_enough", lambda *_: closes)
     there, at, _, went = joint_way._round(None, base_twin(), here, Proposal([new], {"motion_blur": []}))
     assert (there and there.names, at, went) == ((["defocus"], rest, {"motion_blur"}) if closes else (None,) * 3)
-
-
-def test_what_a_curve_makes_up_for_from_afar_goes(tmp_path):
-    """Fails if an exposure and a print that a curve was fitted to undo stay, as old derivatives do not lead it back so far."""
-    case = case_of_several(tmp_path, ["lens_blur", "tone_curve"], size="small")
-    search, hidden = Search(case), [(n, case.starts_of(n)[0]) for n in ("lens_blur", "tone_curve")]
-    needless = [("exposure", {"scale": 1.08}), ("ink_reflectance", {"white_change": -0.03, "black_change": 0.02})]
-    poses, own = case.start_poses(), search.free(hidden)
-    end = short_fit(search, [*needless, *hidden], poses, SCALE_FROM_START, 12, own)
-    end = short_fit(search, end.state.effects, end.state.poses, SCALE_FROM_NEAR, 1)
-    base = search.fitted([])
-    kept, _ = joint_way._pruned(search, base, joint_way._standing(search, base, end), end)
-    assert kept.names == ["lens_blur", "tone_curve"]
