@@ -7,10 +7,10 @@ import pandas as pd
 import pytest
 import yaml
 
-from workflow_runs import PROJECT, copy_project, detectors, snakemake
+from seen_boards import embedded
+from workflow_runs import copy_project, detectors, snakemake
 
 NAME = "aruco6x6_gridboard"
-EMBEDDED = PROJECT / "data/raw" / NAME
 EACH = 3  # every third photograph: seven, which a test can render
 FOCAL_PX = 809  # OpenCV's calibration of all 21
 TARGETS = ("tables/table1.csv", "report/figure3.html", "report/figure4.html")
@@ -19,12 +19,10 @@ TARGETS = ("tables/table1.csv", "report/figure3.html", "report/figure4.html")
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
     """Return the results' folder of a run on some of the photographs, up to tables and figures."""
-    if not EMBEDDED.is_dir():
-        pytest.skip("needs the embedded photographs: run `make data`")
     folder = tmp_path_factory.mktemp("photographs")
     project, campaign = copy_project(folder / "project"), folder / "campaign"
-    shutil.copytree(EMBEDDED, campaign)
-    captures = pd.read_csv(EMBEDDED / "captures.csv", dtype=str).iloc[::EACH]
+    shutil.copytree(embedded(), campaign)
+    captures = pd.read_csv(embedded() / "captures.csv", dtype=str).iloc[::EACH]
     captures.to_csv(campaign / "captures.csv", index=False)
     targets = [f"results/{NAME}/{path}" for path in TARGETS]
     options = ("--config", f"campaign={campaign}", "render={edge_samples: 16}", detectors(aruco={}, aruco_subpix={}))
@@ -44,7 +42,7 @@ def test_photographs_of_unknown_poses_and_intrinsics_are_registered(results):
 
 def test_a_boards_markers_are_counted_and_compared_like_a_rigs(results):
     """Fails if a board has "no markers to detect", or if its markers lie elsewhere in the twin than in the photographs."""
-    board = yaml.safe_load((EMBEDDED / "campaign.yaml").read_text())["target"]
+    board = yaml.safe_load((embedded() / "campaign.yaml").read_text())["target"]
     markers = pd.read_csv(results / "expand/markers.csv")
     assert len(markers) == board["columns"] * board["rows"] and set(markers.dictionary) == {board["dictionary"]}
     (row,) = pd.read_csv(results / "tables/table1.csv").to_dict("records")

@@ -15,16 +15,16 @@ from register.board_checks import MIN_PHOTOGRAPHS
 from register_captures import OF_BASELINE, least_usable, register_captures
 from reporting.sentences import verdict_words
 from rig.errors import InputError
+from seen_boards import embedded
 from workflow_runs import PROJECT
 
 CAMERA = "aruco6x6_gridboard"
-EMBEDDED = PROJECT / "data/raw" / CAMERA
 WHY = "5 of 5 photographs show the board, and a verdict takes 6: take 1 more"
 
 
 def campaign_of(folder, name, rows):
     """Lay some of the embedded photographs down as a campaign."""
-    shutil.copytree(EMBEDDED, folder / name)
+    shutil.copytree(embedded(), folder / name)
     pd.read_csv(folder / name / "captures.csv", dtype=str).iloc[rows].to_csv(
         folder / name / "captures.csv", index=False
     )
@@ -51,8 +51,6 @@ def measured(folder, campaign):
 @pytest.fixture(scope="module")
 def compared(tmp_path_factory):
     """Return (verdict on the later campaign alone, what has changed) of five photographs each, no effect laid on."""
-    if not EMBEDDED.is_dir():
-        pytest.skip("needs the embedded photographs: run `make data`")
     folder = tmp_path_factory.mktemp("five")
     campaigns = [campaign_of(folder, name, slice(k, 20, 4)) for k, name in enumerate(("then", "now"))]
     files = [measured(folder, c) for c in campaigns]
@@ -85,8 +83,6 @@ def test_a_verdict_takes_six_wherever_nothing_is_compared():
 
 def test_four_are_too_few_for_either(tmp_path):
     """Fails if four photographs are compared, or the line tells of a verdict that nobody asked for."""
-    if not EMBEDDED.is_dir():
-        pytest.skip("needs the embedded photographs: run `make data`")
     campaign = campaign_of(tmp_path, "few", slice(0, 4))
     with pytest.raises(InputError, match="4 photographs, and a comparison takes 5: take 1 more"):
         measured(tmp_path, campaign)
