@@ -1,6 +1,7 @@
 """What goes from many effects fitted at once: what is worth nothing, patches that close little, and what others make up for."""
 
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 
@@ -14,18 +15,37 @@ from gap.standing import is_at_floor, is_enough
 
 
 def pruned(search, base, twin, end):
-    """Return (Twin, its Descent) without what it does not need: the weakest first, all others refitted shortly."""
-    for name in sorted(added_to(twin, base), key=lambda n: (end.evidence.get(n, np.inf), n)):
-        if search.is_fixed(name) or search.problem.shows(name) or _is_clearly_needed(search, end, name):
+    """Return (Twin, its Descent) without what it does not need: the weakest first, all others refitted shortly.
+
+    Of what undoes one another neither can go alone: both are taken out together in the end.
+    """
+    added = sorted(added_to(twin, base), key=lambda n: (end.evidence.get(n, np.inf), n))
+    added = [n for n in added if not (search.is_fixed(n) or search.problem.shows(n))]
+    for name in added:
+        if _is_clearly_needed(search, end, name):
             continue
         rest = descent_without(search, end, [name])
         if _is_clear(end, name) and _is_clearly_more(rest.loss, end):
             continue  # else others make up for it to second order: old derivatives may not lead there
-        rest = short_fit(search, rest.state.effects, rest.state.poses, SCALE_FROM_NEAR, FIRST_ITERATIONS)
-        without = standing(search, base, rest)
-        if is_as_good(without, twin) or (_is_rough(search, twin) and _leaves_as_little(without, twin)):
-            twin, end = without, rest
+        twin, end = _or_what_is_left(search, base, twin, end, rest)
+    for pair in permutations(added, 2):
+        if _undoes(*pair) and set(pair) <= set(twin.names):
+            twin, end = _or_what_is_left(search, base, twin, end, descent_without(search, end, pair))
     return twin, end
+
+
+def _or_what_is_left(search, base, twin, end, rest):
+    """Return (Twin, its Descent) as given, or those of a Descent ``rest`` of less effects, fitted on, where that is as good."""
+    rest = short_fit(search, rest.state.effects, rest.state.poses, SCALE_FROM_NEAR, FIRST_ITERATIONS)
+    without = standing(search, base, rest)
+    if is_as_good(without, twin) or (_is_rough(search, twin) and _leaves_as_little(without, twin)):
+        return without, rest
+    return twin, end
+
+
+def _undoes(name, other):
+    """Return whether an effect sharpens, and another smooths: together neither shows much."""
+    return library.undoes(name, other) or (library.sharpens(name) and library.smooths_noise(other))
 
 
 def _is_clearly_needed(search, end, name):

@@ -58,6 +58,39 @@ def test_beside_a_codec_all_photometry_is_taken_out_to_see(monkeypatch, names, a
     assert fitted == [[n for n in names if n != "exposure"]] * ("exposure" in asked)
 
 
+@pytest.mark.parametrize("left", [1000.0, 1100.0], ids=["needless", "needed"])
+def test_what_undoes_one_another_is_taken_out_together(monkeypatch, left):
+    """Fails if a denoising and the sharpening after it keep their names as each alone would be missed, or a blur and its
+    sharpening go that are there: both were named beside a JPEG that had neither.
+    """
+    names = ["denoising", "exposure", "sharpening"]
+    effects = tuple((n, {}) for n in names)
+
+    def descent(effects):
+        state = SimpleNamespace(effects=effects, poses=None)
+        return SimpleNamespace(state=state, evidence=dict.fromkeys(names, 5000.0), loss=1000.0)
+
+    def without(_, end, gone):
+        return descent([e for e in end.state.effects if e[0] not in gone])
+
+    def standing(_, base, end):
+        is_whole = len({"denoising", "sharpening"} & set(dict(end.state.effects))) != 1
+        lost = (
+            (1000.0 if len(end.state.effects) == 3 else left)
+            if is_whole and "exposure" in dict(end.state.effects)
+            else 5000.0
+        )
+        return StandingTwin(tuple(end.state.effects), 0.0, {0: lost})
+
+    monkeypatch.setattr(pruning, "descent_without", without)
+    monkeypatch.setattr(pruning, "standing", standing)
+    monkeypatch.setattr(pruning, "short_fit", lambda _, effects, *__: descent(effects))
+    monkeypatch.setattr(pruning, "_is_clearly_needed", lambda *_: False)
+    search = SimpleNamespace(is_fixed=lambda n: False, problem=SimpleNamespace(shows=lambda n: False))
+    kept, _ = pruning.pruned(search, base_twin(), StandingTwin(effects, 0.0, {0: 1000.0}), descent(effects))
+    assert kept.names == (["exposure"] if left == 1000.0 else names)
+
+
 def test_what_is_left_is_compared_in_one_twins_floors():
     """Fails if a twin whose own noise scatters more seems to leave less."""
     groups = {0: {"levels": np.full((1, 100), 2.0)}}
