@@ -1,4 +1,4 @@
-"""Short fits in a few captures, and which of several effects does best in one's place beside all others."""
+"""Short fits in a few captures, what held-out ones tell of them, and which of several effects does best in one's place."""
 
 from dataclasses import replace
 from functools import partial

@@ -42,11 +42,7 @@ from gap.pruning import (
     refitted_without,
     without_patches,
 )
-from gap.search import (
-    SCALE_FROM_NEAR,
-    SCALE_FROM_START,
-    Search,
-)
+from gap.search import SCALE_FROM_NEAR, SCALE_FROM_START, Search
 from gap.solver import State
 from gap.standing import is_at_floor
 from gap.twin import rank
