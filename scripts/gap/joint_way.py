@@ -48,7 +48,7 @@ from gap.standing import is_at_floor
 from gap.twin import rank
 from gap.undoing import undoing
 
-MAX_ROUNDS = 6
+MAX_ROUNDS = 8
 MIN_PLATES = 12  # of a capture, of which rounds leave out half
 
 
@@ -148,8 +148,13 @@ def _found(selection, base, here, names, proposal):
     do as well in its place}).
     """
     search, order, dropped, alike = selection.search, [], set(), {}
-    at, model, undone, noise_asked = None, None, False, False
+    at, model, told, undone, noise_asked = None, None, None, False, False
     for _ in range(MAX_ROUNDS):
+        if dropped.issuperset(proposal.names) and at and here is not told:
+            told, at = _with_geometry_told_again(search, base, here, at, names)
+            if told is not here:  # what was looked for may have made up for it
+                dropped = set()
+                here, model, proposal = _proposed_beside(search, base, told, names)
         if dropped.issuperset(proposal.names) and at and not noise_asked:
             noise_asked, proposal = True, missing_noise(search, here, *model)
         if dropped.issuperset(proposal.names) and at and not undone and not _is_nearly_closed(base, here):
@@ -164,16 +169,15 @@ def _found(selection, base, here, names, proposal):
         if there is None:
             dropped = set(proposal.names)
             continue
-        here, at = _with_geometry_told_again(search, base, there, end, names)
-        alike, dropped = alike | as_good, went
-        model = linear_model(search, here, [n for n in names if n not in here.names])
+        at, alike, dropped = end, alike | as_good, went
+        here, model, proposal = _proposed_beside(search, base, there, names)
         if is_at_floor(here):
             break
-        least = LITTLE if _is_nearly_closed(base, here) else MIN_SHARE_PROPOSED
-        proposal = selected(search, here, *model, least, MOST)
     if at is None:
         return here, order, alike
-    told, at = pruned(search, base, here, at)
+    if here is not told:
+        told, at = _with_geometry_told_again(search, base, here, at, names)
+    told, at = pruned(search, base, told, at)
     rivals = exchanges(search, here, told.names, *model)
     found, at, as_good = _with_exchanges(search, base, told, at, rivals)
     if set(found.names) != set(told.names):  # another may have stood for a part of what went
@@ -182,6 +186,13 @@ def _found(selection, base, here, names, proposal):
         found, at, again = _with_exchanges(search, base, found, at, rivals)
         as_good |= again
     return found, order, alike | as_good
+
+
+def _proposed_beside(search, base, twin, names):
+    """Return (Twin, the Ways and LinearModel of what it has not, the next round's Proposal of these)."""
+    model = linear_model(search, twin, [n for n in names if n not in twin.names])
+    least = LITTLE if _is_nearly_closed(base, twin) else MIN_SHARE_PROPOSED
+    return twin, model, selected(search, twin, *model, least, MOST)
 
 
 def _is_nearly_closed(base, twin):
