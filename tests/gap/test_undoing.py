@@ -62,7 +62,7 @@ def test_they_are_looked_for_once_where_rounds_end_with_the_gap_open(monkeypatch
     for name, stand_in in {
         "_round": one_round, "selected": lambda *_, **__: of(["denoising"]), "linear_model": lambda *_: ([], None),
         "is_at_floor": lambda _: False, "exchanges": lambda *_: {}, "_is_nearly_closed": lambda *_: is_closed,
-        "_pruned": lambda search, base, twin, end: (twin, end),
+        "pruned": lambda search, base, twin, end: (twin, end),
         "_with_geometry_told_again": lambda search, base, twin, end, names: (twin, end),
         "undoing": lambda *given: (asked.append(given[1:]), of(["defocus", "sharpening"]))[1],
     }.items():  # fmt: skip
