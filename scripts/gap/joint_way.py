@@ -153,8 +153,8 @@ def _found(selection, base, here, names, proposal):
         if dropped.issuperset(proposal.names) and at and here is not told:
             told, at = _with_geometry_told_again(search, base, here, at, names)
             if told is not here:  # what was looked for may have made up for it
-                dropped = set()
-                here, model, proposal = _proposed_beside(search, base, told, names)
+                here, dropped, model = told, set(), _model_beside(search, told, names)
+                proposal = _proposed_beside(search, base, here, model)
         if dropped.issuperset(proposal.names) and at and not noise_asked:
             noise_asked, proposal = True, missing_noise(search, here, *model)
         if dropped.issuperset(proposal.names) and at and not undone and not _is_nearly_closed(base, here):
@@ -169,10 +169,11 @@ def _found(selection, base, here, names, proposal):
         if there is None:
             dropped = set(proposal.names)
             continue
-        at, alike, dropped = end, alike | as_good, went
-        here, model, proposal = _proposed_beside(search, base, there, names)
+        here, at, alike, dropped = there, end, alike | as_good, went
+        model = _model_beside(search, here, names)
         if is_at_floor(here):
             break
+        proposal = _proposed_beside(search, base, here, model)
     if at is None:
         return here, order, alike
     if here is not told:
@@ -181,18 +182,22 @@ def _found(selection, base, here, names, proposal):
     rivals = exchanges(search, here, told.names, *model)
     found, at, as_good = _with_exchanges(search, base, told, at, rivals)
     if set(found.names) != set(told.names):  # another may have stood for a part of what went
-        rest = [n for n in names if n not in {*told.names, *found.names}]
-        rivals = exchanges(search, found, found.names, *linear_model(search, found, rest))
+        rest = [n for n in names if n not in told.names]
+        rivals = exchanges(search, found, found.names, *_model_beside(search, found, rest))
         found, at, again = _with_exchanges(search, base, found, at, rivals)
         as_good |= again
     return found, order, alike | as_good
 
 
-def _proposed_beside(search, base, twin, names):
-    """Return (Twin, the Ways and LinearModel of what it has not, the next round's Proposal of these)."""
-    model = linear_model(search, twin, [n for n in names if n not in twin.names])
+def _model_beside(search, twin, names):
+    """Return (Ways, LinearModel) of those of ``names`` that a twin has not."""
+    return linear_model(search, twin, [n for n in names if n not in twin.names])
+
+
+def _proposed_beside(search, base, twin, model):
+    """Return the next round's Proposal beside a twin, of its ``_model_beside``."""
     least = LITTLE if _is_nearly_closed(base, twin) else MIN_SHARE_PROPOSED
-    return twin, model, selected(search, twin, *model, least, MOST)
+    return selected(search, twin, *model, least, MOST)
 
 
 def _is_nearly_closed(base, twin):
