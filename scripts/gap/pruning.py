@@ -7,7 +7,7 @@ import numpy as np
 
 from effects import library
 from gap.bounds import CLEAR_GAIN, LITTLE, MIN_GAIN, MOST
-from gap.exchange import FIRST_ITERATIONS, loss_of, short_fit, standing
+from gap.exchange import FIRST_ITERATIONS, has_forms, loss_of, short_fit, standing
 from gap.parameters import get_parameter, spec
 from gap.residuals import GROUPS
 from gap.search import SCALE_FROM_NEAR, SCALE_FROM_START, is_as_good, is_significant
@@ -17,7 +17,7 @@ from gap.standing import is_at_floor, is_enough
 def pruned(search, base, twin, end):
     """Return (Twin, its Descent) without what it does not need: the weakest first, all others refitted shortly.
 
-    Of what undoes one another neither can go alone: both are taken out together in the end.
+    Of what undoes one another neither can go alone: both are taken out together in the end. Behind a codec curves begin anew.
     """
     added = sorted(added_to(twin, base), key=lambda n: (end.evidence.get(n, np.inf), n))
     added = [n for n in added if not (search.is_fixed(n) or search.problem.shows(n))]
@@ -26,8 +26,10 @@ def pruned(search, base, twin, end):
             continue
         rest = descent_without(search, end, [name])
         if _is_clear(end, name) and _is_clearly_more(rest.loss, end):
-            continue  # else others make up for it to second order: old derivatives may not lead there
-        twin, end = _or_what_is_left(search, base, twin, end, rest)
+            # What others make up for to second order old derivatives need not show
+            rest = _with_curves_anew(search, end, name)
+        if rest:
+            twin, end = _or_what_is_left(search, base, twin, end, rest)
     for pair in permutations(added, 2):
         if _undoes(*pair) and set(pair) <= set(twin.names):
             twin, end = _or_what_is_left(search, base, twin, end, descent_without(search, end, pair))
@@ -41,6 +43,25 @@ def _or_what_is_left(search, base, twin, end, rest):
     if is_as_good(without, twin) or (_is_rough(search, twin) and _leaves_as_little(without, twin)):
         return without, rest
     return twin, end
+
+
+def _with_curves_anew(search, end, name):
+    """Return the Descent without an effect in which curves of its kind begin at nothing, codecs last; None where it has none.
+
+    A curve that was fitted beside another effect stays where the codec's steps hold it, though it could stand for that as well.
+    """
+    rest = [e for e in end.state.effects if e[0] != name]
+    curves = [n for n, _ in rest if _is_curve(n) and library.affects(n) == library.affects(name)]
+    if not curves:
+        return None
+    effects = [(n, library.nulls_of(n) if n in curves else p) for n, p in rest]
+    rough = [n for n, _ in rest if search.problem.shows(n)]
+    return short_fit(search, effects, end.state.poses, SCALE_FROM_START, FIRST_ITERATIONS, rough=rough)
+
+
+def _is_curve(name):
+    """Return whether an effect has many forms and begins at nothing."""
+    return has_forms(name) and library.starts_of(name) == [library.nulls_of(name)]
 
 
 def _undoes(name, other):

@@ -8,6 +8,7 @@ import pytest
 from cases import case_of_several
 from stand_in_twins import StandingTwin, base_twin
 
+from effects import library
 from gap import pruning
 from gap.exchange import short_fit, standing
 from gap.search import SCALE_FROM_NEAR, SCALE_FROM_START, Search
@@ -56,6 +57,37 @@ def test_beside_a_codec_all_photometry_is_taken_out_to_see(monkeypatch, names, a
     pruned, _ = pruning.pruned(search, base_twin(), StandingTwin(effects, 0.0, {}), end)
     assert (tried, pruned.names) == (asked, left)
     assert fitted == [[n for n in names if n != "exposure"]] * ("exposure" in asked)
+
+
+@pytest.mark.parametrize(
+    ("name", "held_out", "goes"),
+    [("veiling_glare", 1000.0, True), ("veiling_glare", 1100.0, False), ("lens_blur", 1000.0, False)],
+    ids=["the curve does as well", "it does not", "no curve's kind"],
+)
+def test_behind_a_codec_a_curve_begins_anew_without_what_it_can_stand_for(monkeypatch, name, held_out, goes):
+    """Fails if a glare that is not there keeps its name beside a JPEG, whose steps hold the curve that was fitted with it."""
+    effects = (("jpeg_compression", {}), ("tone_curve", {"place": 0.0}), (name, {}))
+    begun = []
+
+    def descent(effects, loss):
+        return SimpleNamespace(state=SimpleNamespace(effects=effects, poses=None), evidence={}, loss=loss)
+
+    def fitted(_, some, *__, rough=()):
+        begun.append((some, rough))
+        return descent(some, 200.0)
+
+    monkeypatch.setattr(
+        pruning, "descent_without", lambda _, end, gone: descent([e for e in effects if e[0] not in gone], 9e4)
+    )
+    monkeypatch.setattr(pruning, "standing", lambda _, base, end: StandingTwin(end.state.effects, 0.0, {0: held_out}))
+    monkeypatch.setattr(pruning, "short_fit", fitted)
+    monkeypatch.setattr(pruning, "_leaves_as_little", lambda *_: False)
+    shows = SimpleNamespace(shows=lambda n: n == "jpeg_compression")
+    search = SimpleNamespace(is_fixed=lambda n: False, problem=shows)
+    kept, _ = pruning.pruned(search, base_twin(), StandingTwin(effects, 0.0, {0: 1000.0}), descent(effects, 200.0))
+    assert (name not in kept.names) == goes
+    anew = ([("jpeg_compression", {}), ("tone_curve", library.nulls_of("tone_curve"))], ["jpeg_compression"])
+    assert begun[:1] == [anew] * (name == "veiling_glare")
 
 
 @pytest.mark.parametrize("left", [1000.0, 1100.0], ids=["needless", "needed"])
