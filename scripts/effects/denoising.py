@@ -138,7 +138,8 @@ def _averaged(padded, changes, near, share, steepness):
                 end += 1
             count = end - start
             change[:count], weight[:count] = 0, 0
-            steep[:count] = steepness * share[r, start:end]
+            for c in range(count):  # a slice takes numba seconds to compile
+                steep[c] = steepness * share[r, start + c]
             for i in range(middle + 1):
                 for j in range(1, middle + 1):
                     if near[middle + i, middle + j] == 0:

@@ -90,7 +90,7 @@ def by_blocks(plane, noise, gains, rounding, table):
         for j in range(count):
             even[i, j] = 1
         _product(COSINES, plane[rows], strip)
-        by_place[:] = by_block.transpose(2, 0, 1)
+        _write(by_block.transpose(2, 0, 1), by_place)
         _product(COSINES, turned, coefficients)
         for v in range(BLOCK):
             for u in range(BLOCK):
@@ -102,11 +102,20 @@ def by_blocks(plane, noise, gains, rounding, table):
                 else:
                     _quantise(of_frequency, table[u, v], sd, even[i])
         _product(COSINES_BACK, coefficients, turned)
-        by_block[:] = by_place.transpose(1, 2, 0)
+        _write(by_place.transpose(1, 2, 0), by_block)
         _product(COSINES_BACK, strip, low[rows])
         for j in range(count):
             even[i, j] = np.sqrt(even[i, j])
     return low, share, even
+
+
+@njit(cache=True, nogil=True)
+def _write(values, out):
+    """Write values (m, n, k) to ``out``; number by number, as slices take numba seconds to compile."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            for k in range(out.shape[2]):
+                out[i, j, k] = values[i, j, k]
 
 
 @njit(cache=True, nogil=True)

@@ -144,6 +144,14 @@ def _tile(tile):
 
 
 @njit(cache=True, nogil=True)
+def _add_at(row, column, values, out):
+    """Add values (rows, columns) to ``out`` from a row and column on: slices take numba seconds to compile."""
+    for r in range(values.shape[0]):
+        for c in range(values.shape[1]):
+            out[row + r, column + c] += values[r, c]
+
+
+@njit(cache=True, nogil=True)
 def draw(vertices, tiles, out):
     """Add the coverage of closed polygons (n, m, 2), frame pixels, to the small image ``out``; tiles as of ``Atlas.tiles``."""
     n, m = vertices.shape[0], vertices.shape[1]
@@ -159,7 +167,7 @@ def draw(vertices, tiles, out):
                 add_edge(
                     acc, (a[0] - x0) / along, (a[1] - y0) / down, (b[0] - x0) / along, (b[1] - y0) / down, -1.0
                 )  # fmt: skip
-        out[row : row + rows, column : column + columns] += running_sums(acc)
+        _add_at(row, column, running_sums(acc), out)
 
 
 @njit(cache=True, nogil=True)
@@ -191,7 +199,7 @@ def draw_spread(vertices, directions, shares, tiles, out):
                 for v in range(m):
                     w = v + 1 if v + 1 < m else 0
                     add_edge(acc, moved[v, 0], moved[v, 1], moved[w, 0], moved[w, 1], weight)
-        out[row : row + rows, column : column + columns] += running_sums(acc)
+        _add_at(row, column, running_sums(acc), out)
 
 
 @njit(cache=True, nogil=True)
