@@ -96,13 +96,13 @@ class Compared:
         return float(np.mean([told(order) for order in thinned(self.orders[1:], TRIED)]))
 
     def _differences(self, values, orders):
-        """Return the SignDifferences of values (n, k) permuted by orders (m, n).
+        """Return the SignDifferences of values (n, k) permuted by orders (m, n), regressed anew in each.
 
         Correlations are shrunk towards none, as n photographs tell few. Source: O. Ledoit and M. Wolf, "A well-conditioned
         estimator for large-dimensional covariance matrices" (2004).
         """
         n, k = values.shape
-        permuted, belongs = values[orders], self.belongs
+        permuted, belongs = self.left_of @ values[orders], self.belongs
         difference = np.einsum("n,mnk->mk", belongs, permuted) / (belongs @ belongs)
         within, free = permuted - belongs[:, None] * difference[:, None], np.trace(self.left_of) - 1
         sd = np.sqrt((within**2).sum(1) / free) + 1e-6
@@ -117,7 +117,8 @@ def compared(before, after, seed, poses=None, uncounted=(), ways=()):
     """Return the Compared of signatures (n, len(SIGNS)) of two sets, but for signs ``uncounted``; a seed draws permutations.
 
     ``ways`` (d, len(SIGNS)), if given, are moves by effects: what points along one of them is told apart from chance more surely.
-    What signs follow of the photographs' ``poses`` (both sets', m), if given, is regressed out, and permuted is what is left.
+    What signs follow of the photographs' ``poses`` (both sets', m), if given, is regressed out, what is left is permuted and
+    regressed again: else given signs, which lost what poses take, would scatter less than permuted ones.
     Source: D. Freedman and D. Lane, "A nonstochastic interpretation of reported significance levels" (1983).
     """
     every, belongs = np.concatenate([before, after]), np.repeat([0, 1], [len(before), len(after)])

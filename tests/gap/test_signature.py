@@ -117,6 +117,23 @@ def test_a_whole_photograph_is_blurred_as_its_windows_are(before):
     np.testing.assert_allclose(windows[shot.atlas.core(k)], whole[y0:y1, x0:x1], atol=1)
 
 
+@pytest.mark.parametrize(
+    ("follow", "apart"), [(0.0, 0.0), (5.0, 1.5)], ids=["not at all", "closely, and sets lie apart"]
+)
+def test_p_says_how_often_chance_differs_however_signs_follow_poses(follow, apart):
+    """Fails if permuted signs keep what regression took from the given ones: half of all sets drawn alike then have p <= 0.2, or
+    a twentieth.
+    """
+    rng, labels = np.random.default_rng(1), np.repeat([0.0, apart], 5)[:, None]
+
+    def p_of_sets_drawn_alike():
+        poses = rng.normal(size=(10, 3)) + labels
+        signs = rng.normal(size=(10, len(SIGNS))) + follow * poses @ rng.normal(size=(3, len(SIGNS)))
+        return compared(signs[:5], signs[5:], 0, poses).p
+
+    assert 0.1 < np.mean([p_of_sets_drawn_alike() <= 0.2 for _ in range(150)]) < 0.32
+
+
 def test_permuted_sets_tell_how_often_chance_differs_as_much():
     """Fails if p is small for sets drawn alike, or not the smallest for one that differs in every sign."""
     rng = np.random.default_rng(0)
