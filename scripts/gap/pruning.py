@@ -51,12 +51,18 @@ def _with_curves_anew(search, end, name):
     A curve that was fitted beside another effect stays where the codec's steps hold it, though it could stand for that as well.
     """
     rest = [e for e in end.state.effects if e[0] != name]
-    curves = [n for n, _ in rest if _is_curve(n) and library.affects(n) == library.affects(name)]
+    alike = [n for n, _ in rest if _is_curve(n) and library.affects(n) == library.affects(name)]
+    curves = [n for n in alike if not search.is_fixed(n)]
     if not curves:
         return None
-    effects = [(n, library.nulls_of(n) if n in curves else p) for n, p in rest]
+    effects = [(n, _flat(n, p) if n in curves else p) for n, p in rest]
     rough = [n for n, _ in rest if search.problem.shows(n)]
     return short_fit(search, effects, end.state.poses, SCALE_FROM_START, FIRST_ITERATIONS, rough=rough)
+
+
+def _flat(name, parameters):
+    """Return an effect's parameters at their nulls, but for whole numbers, such as a curve's place in the camera."""
+    return library.nulls_of(name) | {k: parameters[k] for k in library.discrete_parameters(name)}
 
 
 def _is_curve(name):

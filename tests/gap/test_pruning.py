@@ -60,13 +60,21 @@ def test_beside_a_codec_all_photometry_is_taken_out_to_see(monkeypatch, names, a
 
 
 @pytest.mark.parametrize(
-    ("name", "held_out", "goes"),
-    [("veiling_glare", 1000.0, True), ("veiling_glare", 1100.0, False), ("lens_blur", 1000.0, False)],
-    ids=["the curve does as well", "it does not", "no curve's kind"],
+    ("name", "fixed", "held_out", "goes"),
+    [
+        ("veiling_glare", None, 1000.0, True),
+        ("veiling_glare", None, 1100.0, False),
+        ("veiling_glare", "tone_curve", 1000.0, False),
+        ("lens_blur", None, 1000.0, False),
+    ],
+    ids=["the curve does as well", "it does not", "the user wrote the curve", "no curve's kind"],
 )
-def test_behind_a_codec_a_curve_begins_anew_without_what_it_can_stand_for(monkeypatch, name, held_out, goes):
-    """Fails if a glare that is not there keeps its name beside a JPEG, whose steps hold the curve that was fitted with it."""
-    effects = (("jpeg_compression", {}), ("tone_curve", {"place": 0.0}), (name, {}))
+def test_behind_a_codec_a_curve_begins_anew_without_what_it_can_stand_for(monkeypatch, name, fixed, held_out, goes):
+    """Fails if a glare that is not there keeps its name beside a JPEG, whose steps hold the curve that was fitted with it, or the
+    curve loses its place in the camera or what the user wrote of it.
+    """
+    curve = library.nulls_of("tone_curve") | {"place": 1.0}
+    effects = (("jpeg_compression", {}), ("tone_curve", curve | {"lift_at_50_pct_dn": 9.0}), (name, {}))
     begun = []
 
     def descent(effects, loss):
@@ -83,11 +91,11 @@ def test_behind_a_codec_a_curve_begins_anew_without_what_it_can_stand_for(monkey
     monkeypatch.setattr(pruning, "short_fit", fitted)
     monkeypatch.setattr(pruning, "_leaves_as_little", lambda *_: False)
     shows = SimpleNamespace(shows=lambda n: n == "jpeg_compression")
-    search = SimpleNamespace(is_fixed=lambda n: False, problem=shows)
+    search = SimpleNamespace(is_fixed=lambda n: n == fixed, problem=shows)
     kept, _ = pruning.pruned(search, base_twin(), StandingTwin(effects, 0.0, {0: 1000.0}), descent(effects, 200.0))
     assert (name not in kept.names) == goes
-    anew = ([("jpeg_compression", {}), ("tone_curve", library.nulls_of("tone_curve"))], ["jpeg_compression"])
-    assert begun[:1] == [anew] * (name == "veiling_glare")
+    anew = ([("jpeg_compression", {}), ("tone_curve", curve)], ["jpeg_compression"])
+    assert begun[:1] == [anew] * (name == "veiling_glare" and not fixed)
 
 
 @pytest.mark.parametrize("left", [1000.0, 1100.0], ids=["needless", "needed"])
