@@ -31,6 +31,11 @@ def starts_of(name):
     return [nulls_of(name) | start for start in getattr(effect_named(name), "STARTS", ({},))]
 
 
+def begins_at_nothing(name):
+    """Return whether all of an effect's starts are its nulls: it may be of either sign."""
+    return all(start == nulls_of(name) for start in starts_of(name))
+
+
 def starts_seen(image):
     """Return {effect: {parameter: value}}: the starts that a real image (H, W, 1 or 3) of grey levels shows by itself."""
     found = {

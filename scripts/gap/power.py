@@ -16,9 +16,9 @@ CLEAR = 5.0  # times what matters, of an effect that starts at nothing
 
 def clear_ones(effect):
     """Return parameters [{name: value}] with which an effect is clearly seen: its starts, or each parameter moved by itself."""
-    nulls, starts = library.nulls_of(effect), library.starts_of(effect)
-    if any(nulls | start != nulls for start in starts):
-        return starts
+    if not library.begins_at_nothing(effect):
+        return library.starts_of(effect)
+    nulls = library.nulls_of(effect)
     acting = {k: p for k, p in library.parameters_of(effect).items() if not (p.auxiliary or p.is_choice)}
     return [nulls | {k: nulls[k] + CLEAR * p.matters} for k, p in acting.items()]
 

@@ -67,7 +67,7 @@ def _flat(name, parameters):
 
 def _is_curve(name):
     """Return whether an effect has many forms and begins at nothing."""
-    return has_forms(name) and library.starts_of(name) == [library.nulls_of(name)]
+    return has_forms(name) and library.begins_at_nothing(name)
 
 
 def _undoes(name, other):

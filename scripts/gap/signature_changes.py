@@ -127,7 +127,7 @@ def tried(name, layer, comparison):
     None where it leads the other way.
     """
     nulls = library.nulls_of(name)
-    from_nothing = all(nulls | s == nulls for s in library.starts_of(name))
+    from_nothing = library.begins_at_nothing(name)
     if from_nothing and layer.sign < 0:
         return None
     found = []

@@ -121,8 +121,8 @@ def test_a_whole_photograph_is_blurred_as_its_windows_are(before):
     ("follow", "apart"), [(0.0, 0.0), (5.0, 1.5)], ids=["not at all", "closely, and sets lie apart"]
 )
 def test_p_says_how_often_chance_differs_however_signs_follow_poses(follow, apart):
-    """Fails if permuted signs keep what regression took from the given ones: half of all sets drawn alike then have p <= 0.2, or
-    a twentieth.
+    """Fails if permuted signs keep what regression took from the given ones: three of five sets drawn alike then have p <= 0.2,
+    or one of forty.
     """
     rng, labels = np.random.default_rng(1), np.repeat([0.0, apart], 5)[:, None]
 
