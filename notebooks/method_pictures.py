@@ -17,9 +17,9 @@ from matplotlib.ticker import NullFormatter, StrMethodFormatter
 from case_files import load_case, load_observations
 from effects import library
 from gap.bounds import CERTAIN, CHARGE, MAX_FLOOR_GAP, MAX_PARAMETERS, MIN_GAIN, TWICE
+from gap.explain.where import BINS
+from gap.fit.residuals import NU, Whitener, rho
 from gap.observables import FEATURES, GAP_GROUPS
-from gap.residuals import NU, Whitener, rho
-from gap.where import BINS
 
 MIN_SHOWN = 0.05  # a parameter may end at its null, which no logarithm shows
 SIZE_IN, DPI = (8, 3.3), 90

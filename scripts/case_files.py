@@ -9,14 +9,14 @@ import numpy as np
 
 from effects import library
 from effects.base import View
-from gap.board import board_case, local_noise_px, without_alternation, without_pixel_locking
+from gap.boards.board import board_case, local_noise_px, without_alternation, without_pixel_locking
+from gap.boards.photographs import photographs_case
+from gap.fit.split import usable
 from gap.measure.capture import Codes, Observation, read_rgb
 from gap.observables import N_FEATURES
-from gap.photographs import photographs_case
 from gap.problem import MARGIN_PX, Capture, Case, encoding_table
-from gap.signature import MIN_PATCHES
-from gap.signature_case import SignatureCase, is_seen_in_cells, seen_patches, twin_photograph
-from gap.split import usable
+from gap.signatures.signature import MIN_PATCHES
+from gap.signatures.signature_case import SignatureCase, is_seen_in_cells, seen_patches, twin_photograph
 from inputs import tables
 from inputs.campaign import CalibrationBoard
 from inputs.images import read_image
@@ -95,7 +95,7 @@ def load_views(expand, register_json, camera):
 
 
 def load_measured(expand, register_json, camera, observations, least=MIN_PHOTOGRAPHS):
-    """Return the measured problem of one camera: a gap.problem.Case, of a board a gap.board.BoardCase.
+    """Return the measured problem of one camera: a gap.problem.Case, of a board a board.BoardCase.
 
     Raises ValueError where fewer photographs than ``least`` show the board.
     """
@@ -139,7 +139,7 @@ def load_measured(expand, register_json, camera, observations, least=MIN_PHOTOGR
 
 
 def save_patches(file, photographs, lights):
-    """Write what gap.signature.Photographs show of their patches, at most PATCHES of each, and their LIGHT (n, 11), NaN where it
+    """Write what signature.Photographs show of their patches, at most PATCHES of each, and their LIGHT (n, 11), NaN where it
     is unknown, to an open npz file.
     """
     n = len(photographs)

@@ -7,7 +7,7 @@ import numpy as np
 
 from case_files import read_capture
 from gap.measure.places import code_sides_px
-from gap.signature_changes import laid_on_numbers
+from gap.signatures.signature_changes import laid_on_numbers
 from inputs import tables
 
 ARROW = 0.05  # of the picture's width, its longest arrows

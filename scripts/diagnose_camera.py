@@ -25,18 +25,18 @@ from declared_effects import declared_of
 from diagnose_patches import both_looks, gaps_on_the_way, look_at_patches, rows_of_both
 from effects import library
 from effects.contract import available_effects
-from gap import ladder
-from gap.board import scales_alone, seen_by_points
-from gap.needs import cannot_tell
-from gap.needs_of_cells import cells_cannot_tell
-from gap.next_station import suggested_station
+from gap.boards.board import scales_alone, seen_by_points
+from gap.boards.needs import cannot_tell
+from gap.boards.whole_lens import whole_lens_record
+from gap.explain import ladder
+from gap.explain.next_station import suggested_station
+from gap.explain.where import explained_shares, field_gaps, noise_gaps, plate_gaps
+from gap.fit.residuals import flatten
+from gap.fit.score import gap_error, group_gaps, overall_gap
 from gap.problem import without_own
-from gap.residuals import flatten
-from gap.score import gap_error, group_gaps, overall_gap
-from gap.select_effects import verdict
-from gap.twin import rank
-from gap.where import explained_shares, field_gaps, noise_gaps, plate_gaps
-from gap.whole_lens import whole_lens_record
+from gap.select.select_effects import verdict
+from gap.select.twin import rank
+from gap.signatures.needs_of_cells import cells_cannot_tell
 from imports import imports_of
 from inputs import tables
 from job import seed_of
@@ -136,7 +136,7 @@ def diagnose_camera(
     ``patches`` is the file of what a board's cells show and ``files`` the table of what its photographs' files say, None where
     points alone are looked at. effects [[name, parameters], ...] and free [[effect, parameter], ...] of the twin as configured;
     ``candidates`` are names of effects; ``budget`` counts predictions of one capture. ``kept`` is a folder of earlier outcomes
-    (gap.kept); what they depend on besides are the measurements and the files of ``code`` and ``effect_code``.
+    (gap.select.kept); what they depend on besides are the measurements and the files of ``code`` and ``effect_code``.
     """
     expand, out_gaps = Path(expand), Path(out_gaps)
     configured = [(n, p) for n, p in effects]
@@ -207,7 +207,7 @@ def own_record(case, twin, indices):
 
 
 def telling_record(steps, hidden, alike, needs):
-    """Return what the result file says of what photographs cannot tell (gap.needs, gap.needs_of_cells), ``steps`` among it."""
+    """Return what the result file says of what photographs cannot tell (needs.py, needs_of_cells.py), ``steps`` among it."""
     steps = [s | ({"one_of": [s["effect"], *alike[s["effect"]]]} if s["effect"] in alike else {}) for s in steps]
     return {"steps": steps, "not_told": hidden, "needs": needs}
 

@@ -1,6 +1,6 @@
 """The second look at photographs of a board: with lens and poses from its points, what do its cells tell of the camera?
 
-Points tell where light lands; signatures (gap.signature) tell what became of it, against those of an ideal camera in each
+Points tell where light lands; signatures (gap.signatures) tell what became of it, against those of an ideal camera in each
 photograph's own pose and light. Both looks make one record: gaps are the root mean square over the groups of both.
 """
 
@@ -8,10 +8,10 @@ import numpy as np
 
 from case_files import load_patches
 from effects import library
-from gap.ladder import RESAMPLES
-from gap.score import gap_error, group_gaps, root_mean_square
-from gap.select_effects import verdict
-from gap.signature_case import is_seen_in_cells
+from gap.explain.ladder import RESAMPLES
+from gap.fit.score import gap_error, group_gaps, root_mean_square
+from gap.select.select_effects import verdict
+from gap.signatures.signature_case import is_seen_in_cells
 from job import seed_of
 
 ONLY_REPEATS = "only repeats of a station would tell it from noise"

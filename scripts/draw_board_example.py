@@ -16,7 +16,7 @@ import job
 from effects import library, pipeline
 from effects.base import View
 from effects.library import effect_named
-from gap.capture_light import photograph_light
+from gap.boards.capture_light import photograph_light
 from gap.problem import encoding_table
 from inputs import tables
 from inputs.campaign import CalibrationBoard, inside

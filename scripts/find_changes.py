@@ -18,8 +18,8 @@ import job
 from change_pictures import arrows_on, squares_of
 from effects import library
 from gap.bounds import MAX_P
-from gap.score import floors_of, gap_error, group_gaps, overall_gap, root_mean_square
-from gap.signature_changes import candidates_of
+from gap.fit.score import floors_of, gap_error, group_gaps, overall_gap, root_mean_square
+from gap.signatures.signature_changes import candidates_of
 from photograph_changes import PhotographSet, what_changed
 from rig.errors import InputError
 
@@ -115,7 +115,7 @@ def changes_record(what, alone):
 
 
 def amounts_seen(least_seen):
-    """Return {effect: {parameter: difference from its null} or None} of {effect: as gap.power.least_seen}; what only says in
+    """Return {effect: {parameter: difference from its null} or None} of {effect: as power.least_seen}; what only says in
     which form an effect acts is no amount.
     """
     amounts = {}
@@ -126,7 +126,7 @@ def amounts_seen(least_seen):
 
 
 def not_told(least_seen):
-    """Return the effects of {effect: as gap.power.least_seen} of which even a clear change would most likely go unseen."""
+    """Return the effects of {effect: as power.least_seen} of which even a clear change would most likely go unseen."""
     return [name for name, seen in least_seen.items() if seen is None or seen[0] > 1]
 
 
@@ -165,7 +165,7 @@ def _together(*gaps):
 
 
 def point_step(change, twin, error):
-    """Return a step of the record that a gap.changes.Change is, parameters as the last JointTwin has them."""
+    """Return a step of the record that a changes.Change is, parameters as the last JointTwin has them."""
     return _step(change.effect, change.one_of, change.p) | {
         "parameters": parameters_of(change.effect, twin),
         "gap_after_se": error,

@@ -16,7 +16,7 @@ import job
 from case_files import read_capture
 from effects import library, pipeline
 from expose_twin import rendered_poses, views_of
-from gap.capture_light import photograph_light
+from gap.boards.capture_light import photograph_light
 from gap.problem import encoding_table
 from inputs import tables
 from inputs.render_store import read_station

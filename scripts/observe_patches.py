@@ -11,10 +11,10 @@ from tqdm import tqdm
 
 import job
 from case_files import PATCHES, load_views, save_patches
-from gap.capture_light import photograph_light
+from gap.boards.capture_light import photograph_light
 from gap.problem import encoding_table
-from gap.signature import MIN_PATCHES
-from gap.signature_case import OF_SLOPES
+from gap.signatures.signature import MIN_PATCHES
+from gap.signatures.signature_case import OF_SLOPES
 from inputs.scene import load_scene
 from photograph_changes import PhotographSet
 from rig.light import LIGHT, free_numbers
@@ -48,7 +48,7 @@ def observe_patches(expand, register_json, campaign, camera, observations, out):
 
 
 def some_patches(photograph):
-    """Return a gap.signature.Photograph as PATCHES of its patches show it, fewer where these are large: pixels take the time."""
+    """Return a signature.Photograph as PATCHES of its patches show it, fewer where these are large: pixels take the time."""
     some = photograph.fewer(PATCHES)
     if len(some.plates) <= MIN_PATCHES:
         return some

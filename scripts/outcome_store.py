@@ -1,4 +1,4 @@
-"""A folder of outcomes of a diagnosis (gap.kept), each in a file named by all that it depends on."""
+"""A folder of outcomes of a diagnosis (gap.select.kept), each in a file named by all that it depends on."""
 
 import contextlib
 import hashlib

@@ -14,11 +14,11 @@ import numpy as np
 
 from case_files import load_measured, load_photographs, read_capture
 from effects import library
-from gap.changes import MIN_CAPTURES, Changes, changes
-from gap.photographs import expected_corners
-from gap.signature import MIN_PATCHES, OF_CODEC, Photograph
-from gap.signature_changes import laid_on_numbers, least_seen_of, signature_changes, why_not_comparable
-from gap.split import usable
+from gap.boards.photographs import expected_corners
+from gap.changes.changes import MIN_CAPTURES, Changes, changes
+from gap.fit.split import usable
+from gap.signatures.signature import MIN_PATCHES, OF_CODEC, Photograph
+from gap.signatures.signature_changes import laid_on_numbers, least_seen_of, signature_changes, why_not_comparable
 from inputs import tables
 from inputs.campaign import CalibrationBoard
 from register.boards import nothing_found
@@ -52,7 +52,7 @@ class PhotographSet:
         return load_measured(self.expand, self.register_json, camera, measured, MIN_CAPTURES)
 
     def photographs(self, camera, views):
-        """Return [gap.signature.Photograph], seen from {capture: view}; those that show no patches have no plates."""
+        """Return [signature.Photograph], seen from {capture: view}; those that show no patches have no plates."""
         table = tables.read_table(Path(self.expand) / "captures.csv", tables.CAPTURES).set_index("capture")
         images = {name: pixels_of(read_capture(self.campaign, table.image[name])) for name in views}
         with np.load(self.observations) as stored:
@@ -72,10 +72,10 @@ def pixels_of(image):
 
 @dataclass(frozen=True)
 class WhatChanged:
-    """Changes of where points lie, changes [gap.signature_changes.SignatureChange] of all else and p of what these leave.
+    """Changes of where points lie, changes [signature_changes.SignatureChange] of all else and p of what these leave.
 
-    least_seen {effect: (times, {parameter: value}) or None}: the least amount that would have been seen (gap.power.least_seen)
-    photographs are those of each set [gap.signature.Photograph] that were compared; ``why_points_alone`` says why nothing but
+    least_seen {effect: (times, {parameter: value}) or None}: the least amount that would have been seen (power.least_seen)
+    photographs are those of each set [signature.Photograph] that were compared; ``why_points_alone`` says why nothing but
     points was, None where more was.
     """
 

@@ -3,7 +3,7 @@
 import pytest
 
 from bench_whole_cameras import counts_of, groups_of
-from gap.outcome import Step
+from gap.select.outcome import Step
 
 HIDDEN = ["defocus", "exposure", "sensor_noise"]
 

@@ -1,7 +1,7 @@
 """The observables: all that is measured of an image, in one table. Names, columns, groups, floors and ridges are its own.
 
 A plate's fit finds the features of PLATE_GROUPS together, in one array; the other groups have an array each, the columns of all
-in the table's order. Signs are a photograph's of a board (gap.signature), by its patches.
+in the table's order. Signs are a photograph's of a board (gap.signatures), by its patches.
 """
 
 from typing import NamedTuple

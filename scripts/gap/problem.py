@@ -7,17 +7,17 @@ import numpy as np
 
 from effects import library, pipeline
 from effects.encoding import srgb_encode
-from gap.finder import Finder
+from gap.fit.parameters import spec
+from gap.fit.score import floors_of
+from gap.fit.solver import Solver
+from gap.fit.split import MAX_CAPTURES
 from gap.measure.capture import COARSE_TO_FINE, Codes, classify_flats, grey_of, measure_plates, observe, states_at
+from gap.measure.finder import Finder
 from gap.measure.places import MAX_FOLLOWED_PX, agreeing, follow_neighbours, large_enough
 from gap.measure.regions import choose_regions
 from gap.observables import STATE_FEATURES, corners_in
-from gap.parameters import spec
 from gap.predict.predictor import Kept, Predictor
 from gap.predict.synthesis import Prints, coverages, ground_points, is_lit, shade
-from gap.score import floors_of
-from gap.solver import Solver
-from gap.split import MAX_CAPTURES
 from rig.geometry import N_POSE, perturb_pose, pixels_by_pose, project
 from rig.plates import printed_plates
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gap.solver import Solver
+from gap.fit.solver import Solver
 
 POSE_STEPS, FIRST_SCALE = 25, 8.0  # iterations of a pose, and how wide the robust loss starts
 

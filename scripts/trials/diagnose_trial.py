@@ -24,7 +24,7 @@ import pandas as pd
 import job
 from diagnose_camera import verdict_record
 from find_changes import changes_record
-from gap.select_effects import verdict
+from gap.select.select_effects import verdict
 from photograph_changes import PhotographSet, what_changed
 from trials.observe_trial import OBSERVATIONS, PHOTOGRAPHS, REFUSED, observe_trial, observed_cases
 from trials.trial_names import BASELINE, CHANGED

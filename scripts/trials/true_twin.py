@@ -21,9 +21,9 @@ import cv2
 import numpy as np
 
 import job
-from gap.residuals import RHO_NOISE, rho
-from gap.score import group_gaps
-from gap.search import Search
+from gap.fit.residuals import RHO_NOISE, rho
+from gap.fit.score import group_gaps
+from gap.select.search import Search
 from trials.observe_trial import observed_cases
 
 MIN_RISE = 0.02  # of a group's gap
@@ -47,7 +47,7 @@ class TrueTwin:
 
 
 def true_twin(search, names):
-    """Return the TrueTwin of a gap.search.Search and the names of what is truly hidden.
+    """Return the TrueTwin of a search.Search and the names of what is truly hidden.
 
     Names that no effect of the library has are left out.
     """

@@ -14,7 +14,7 @@ sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests/bench")]
 
 from diagnose_patches import PREDICTIONS_EACH, competing  # noqa: E402
 from effects.contract import available_effects  # noqa: E402
-from gap.select_effects import BUDGET, verdict  # noqa: E402
+from gap.select.select_effects import BUDGET, verdict  # noqa: E402
 from generator import draw_effect, nominal  # noqa: E402
 from record import record  # noqa: E402
 from retaken_board import signatures_of  # noqa: E402

@@ -22,7 +22,7 @@ import numpy as np
 
 from case_files import load_measured
 from expand_tables import expand_tables
-from gap.board import FEWEST_POINTS, polynomial_terms
+from gap.boards.board import FEWEST_POINTS, polynomial_terms
 from generator import draw_effect, nominal, optics
 from generator.photographs import Retaken
 from record import record
@@ -107,7 +107,7 @@ def write_campaign(folder, seed):
 
 
 def measured(folder, out, trials):
-    """Return the gap.board.BoardCase of the campaign's photographs of some trials, by the workflow's steps."""
+    """Return the board.BoardCase of the campaign's photographs of some trials, by the workflow's steps."""
     rows = (folder / "captures.csv").read_text().splitlines()
     chosen = [r for r in rows[1:] if int(r.split(",")[0][-1]) in trials]
     part = out / "campaign"

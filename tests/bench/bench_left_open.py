@@ -19,7 +19,7 @@ sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests/bench")]
 import cv2  # noqa: E402
 
 from effects import library  # noqa: E402
-from gap.select_effects import verdict  # noqa: E402
+from gap.select.select_effects import verdict  # noqa: E402
 from generator import LIBRARY, draw_effect, generate_campaign, nominal  # noqa: E402
 from generator.left_open import WORDS  # noqa: E402
 from record import record  # noqa: E402

@@ -16,7 +16,7 @@ sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests")]
 import cv2
 from tabulate import tabulate
 
-from gap.select_effects import verdict
+from gap.select.select_effects import verdict
 from marker_photographs import write_marker_campaign
 from record import record
 from trials.observe_trial import observe_camera, observed_cases

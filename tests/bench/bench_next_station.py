@@ -20,11 +20,11 @@ from tabulate import tabulate
 from tqdm import tqdm
 
 from gap.bounds import LITTLE
-from gap.next_station import HEIGHTS_M, TILTS_DEG, suggested_station
-from gap.outcome import confused_with
-from gap.search import Search
-from gap.select_effects import is_missing
-from gap.twin import rank
+from gap.explain.next_station import HEIGHTS_M, TILTS_DEG, suggested_station
+from gap.select.naming import is_missing
+from gap.select.outcome import confused_with
+from gap.select.search import Search
+from gap.select.twin import rank
 from generator import draw_effect, generate_campaign, nominal
 from record import record
 from trials.observe_trial import observe_camera, observed_cases

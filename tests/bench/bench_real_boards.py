@@ -29,14 +29,14 @@ from diagnose_camera import looked_at, telling_record, verdict_record  # noqa: E
 from diagnose_patches import both_looks, gaps_on_the_way, look_at_patches  # noqa: E402
 from effects import library  # noqa: E402
 from expand_tables import expand_tables  # noqa: E402
-from gap.board import polynomial_terms  # noqa: E402
-from gap.capture_light import photograph_light  # noqa: E402
-from gap.needs import cannot_tell  # noqa: E402
-from gap.needs_of_cells import cells_cannot_tell  # noqa: E402
+from gap.boards.board import polynomial_terms  # noqa: E402
+from gap.boards.capture_light import photograph_light  # noqa: E402
+from gap.boards.needs import cannot_tell  # noqa: E402
+from gap.boards.whole_lens import left_out_px, with_whole_lens  # noqa: E402
 from gap.observables import SIGNS  # noqa: E402
-from gap.select_effects import BUDGET, verdict  # noqa: E402
-from gap.signature_case import NumbersOf, is_seen_in_cells  # noqa: E402
-from gap.whole_lens import left_out_px, with_whole_lens  # noqa: E402
+from gap.select.select_effects import BUDGET, verdict  # noqa: E402
+from gap.signatures.needs_of_cells import cells_cannot_tell  # noqa: E402
+from gap.signatures.signature_case import NumbersOf, is_seen_in_cells  # noqa: E402
 from inputs.campaign import load_campaign  # noqa: E402
 from observe_patches import observe_patches  # noqa: E402
 from record import commit_of, record  # noqa: E402
@@ -291,7 +291,7 @@ def board_mask(points, pixels, shape):
 
 
 def opencv_left_out_px(search):
-    """Return gap.whole_lens.left_out_px of OpenCV's calibration with five coefficients, fitted to the twin's photographs."""
+    """Return whole_lens.left_out_px of OpenCV's calibration with five coefficients, fitted to the twin's photographs."""
 
     def points_of(indices):
         seen = {i: search.problem.captures[i].observation for i in indices}

@@ -17,11 +17,11 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests/bench")]
 
 from gap.bounds import CLOSED, LITTLE  # noqa: E402
-from gap.outcome import twins_on_the_way  # noqa: E402
-from gap.search import Search  # noqa: E402
-from gap.select_effects import least_gain  # noqa: E402
-from gap.standing import is_enough  # noqa: E402
-from gap.twin import Twin  # noqa: E402
+from gap.select.naming import least_gain  # noqa: E402
+from gap.select.outcome import twins_on_the_way  # noqa: E402
+from gap.select.search import Search  # noqa: E402
+from gap.select.standing import is_enough  # noqa: E402
+from gap.select.twin import Twin  # noqa: E402
 from record import record  # noqa: E402
 from trials.observe_trial import observed_cases  # noqa: E402
 

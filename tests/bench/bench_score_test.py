@@ -23,10 +23,11 @@ from scipy.stats import chi2  # noqa: E402
 
 import job  # noqa: E402
 from effects import library  # noqa: E402
-from gap.residuals import GROUPS  # noqa: E402
-from gap.score import group_gaps  # noqa: E402
-from gap.search import Search  # noqa: E402
-from gap.select_effects import is_flexible, verdict  # noqa: E402
+from gap.fit.residuals import GROUPS  # noqa: E402
+from gap.fit.score import group_gaps  # noqa: E402
+from gap.select.naming import is_flexible  # noqa: E402
+from gap.select.search import Search  # noqa: E402
+from gap.select.select_effects import verdict  # noqa: E402
 from generator.vocabulary import LIBRARY  # noqa: E402
 from record import record  # noqa: E402
 from trials.generate_trials import generate_trial  # noqa: E402

@@ -19,9 +19,9 @@ sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests/bench")]
 
 import cv2  # noqa: E402
 
-from gap.joint_way import first_proposal  # noqa: E402
-from gap.search import Search  # noqa: E402
-from gap.select_effects import is_flexible  # noqa: E402
+from gap.select.joint_way import first_proposal  # noqa: E402
+from gap.select.naming import is_flexible  # noqa: E402
+from gap.select.search import Search  # noqa: E402
 from record import record  # noqa: E402
 from trials.generate_trials import generate_trial  # noqa: E402
 from trials.observe_trial import observe_trial, observed_cases  # noqa: E402

@@ -21,7 +21,7 @@ import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
-from gap.select_effects import verdict  # noqa: E402
+from gap.select.select_effects import verdict  # noqa: E402
 from record import record  # noqa: E402
 from trials.generate_trials import generate_trial  # noqa: E402
 from trials.observe_trial import observe_trial, observed_cases  # noqa: E402

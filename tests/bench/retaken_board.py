@@ -14,11 +14,11 @@ import numpy as np  # noqa: E402
 from drawn_board import K, board_case, light_of, on_board  # noqa: E402
 
 from case_files import PATCHES  # noqa: E402
-from gap.capture_light import photograph_light  # noqa: E402
-from gap.photographs import expected_corners  # noqa: E402
+from gap.boards.capture_light import photograph_light  # noqa: E402
+from gap.boards.photographs import expected_corners  # noqa: E402
 from gap.problem import Capture  # noqa: E402
-from gap.signature import Photograph  # noqa: E402
-from gap.signature_case import OF_SLOPES, SignatureCase, seen_patches, twin_photograph  # noqa: E402
+from gap.signatures.signature import Photograph  # noqa: E402
+from gap.signatures.signature_case import OF_SLOPES, SignatureCase, seen_patches, twin_photograph  # noqa: E402
 from generator import nominal, optics  # noqa: E402
 from generator.photographs import Retaken  # noqa: E402
 from rig.geometry import project  # noqa: E402

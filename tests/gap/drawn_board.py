@@ -4,7 +4,7 @@ import numpy as np
 
 from effects import pipeline
 from effects.base import Scene, View
-from gap.photographs import photographs_case
+from gap.boards.photographs import photographs_case
 from gap.problem import MARGIN_PX, Capture
 from inputs.campaign import CalibrationBoard
 from rig.geometry import camera_matrix, make_pose

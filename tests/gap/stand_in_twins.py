@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from gap.residuals import NU, RHO_NOISE
-from gap.twin import Twin
+from gap.fit.residuals import NU, RHO_NOISE
+from gap.select.twin import Twin
 
 
 class StandingTwin(SimpleNamespace):

@@ -13,8 +13,8 @@ from case_files import load_measured, without_lens
 from effects import library, pipeline
 from effects.base import Scene, View
 from expand_tables import expand_tables
-from gap import search, select_effects, whole_lens
-from gap.board import (
+from gap.boards import whole_lens
+from gap.boards.board import (
     board_case,
     local_noise_px,
     scales_alone,
@@ -22,10 +22,11 @@ from gap.board import (
     without_alternation,
     without_pixel_locking,
 )
+from gap.boards.whole_lens import left_out_px, whole_lens_record, with_whole_lens
 from gap.bounds import LITTLE
-from gap.derivatives import flat
-from gap.select_effects import verdict
-from gap.whole_lens import left_out_px, whole_lens_record, with_whole_lens
+from gap.fit.derivatives import flat
+from gap.select import candidates, naming, search, select_effects
+from gap.select.select_effects import verdict
 from register.finders import USUAL, save_points
 from register.registration import NO_PRIOR
 from rig.geometry import camera_matrix, make_pose, perturb_pose, project
@@ -106,8 +107,9 @@ def test_a_step_that_closes_a_fifth_of_the_gap_and_leaves_it_open_gets_no_name(m
     _, _, _, outcome = verdict(problem, candidates=["rolling_shutter"])
     assert (outcome.steps, outcome.verdict) == ((), "adequate") and outcome.twin.gap > 1.3
     monkeypatch.setattr(select_effects, "CLOSED", 0.5)
-    as_patches = lambda _, twin, candidate: select_effects.is_missing(candidate, twin.excess, LITTLE)  # noqa: E731
-    monkeypatch.setattr(select_effects, "is_missing_from", as_patches)
+    as_patches = lambda _, twin, candidate: naming.is_missing(candidate, twin.excess, LITTLE)  # noqa: E731
+    for module in (candidates, select_effects):
+        monkeypatch.setattr(module, "is_missing_from", as_patches)
     _, _, _, patched = verdict(problem, candidates=["rolling_shutter"])
     assert [s.effect for s in patched.steps] == ["rolling_shutter"] and 0.6 < patched.share_left < 0.9
 

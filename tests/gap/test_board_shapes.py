@@ -9,9 +9,9 @@ import pytest
 
 from effects import library, pipeline
 from effects.base import Scene, View
-from gap.board import board_case, on_board, seen_by_points
-from gap.needs import Told, cannot_tell
-from gap.select_effects import verdict
+from gap.boards.board import board_case, on_board, seen_by_points
+from gap.boards.needs import Told, cannot_tell
+from gap.select.select_effects import verdict
 from register.registration import NO_PRIOR, pose_from_plane
 from rig.geometry import camera_matrix
 from rig.targets import target_plate

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from effects.base import Scene
-from gap.capture_light import light_of, photograph_light, seen_places
+from gap.boards.capture_light import light_of, photograph_light, seen_places
 from inputs.campaign import CalibrationBoard
 from rig.light import LIGHT, BoardPlace, free_numbers, lit
 from rig.targets import target_plate

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from effects.base import Scene, View
-from gap import changes as module
-from gap.board import board_case
-from gap.changes import changes
-from gap.joined import joined
-from gap.permutation import Moments, labellings, p_values
+from gap.boards.board import board_case
+from gap.changes import changes as module
+from gap.changes.changes import changes
+from gap.changes.joined import joined
+from gap.changes.permutation import Moments, labellings, p_values
 from register.registration import NO_PRIOR
 from rig.geometry import camera_matrix, make_pose, perturb_pose
 

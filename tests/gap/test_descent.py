@@ -4,8 +4,8 @@ import pytest
 from cases import case_of_several
 
 from effects import pipeline
-from gap.exchange import short_fit
-from gap.search import SCALE_FROM_NEAR, SCALE_FROM_START, Search
+from gap.select.exchange import short_fit
+from gap.select.search import SCALE_FROM_NEAR, SCALE_FROM_START, Search
 
 HIDDEN = ["colour_balance", "jpeg_compression", "lens_blur", "tone_curve"]
 

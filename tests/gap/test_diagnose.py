@@ -8,15 +8,16 @@ from cases import case_of_several, generated_case
 
 from diagnose_camera import ranked
 from effects import library, pipeline
-from gap.discrete import Discrete
-from gap.exchange import one_of
-from gap.outcome import Selection, Step, outcome_of
-from gap.residuals import LOST_PLATE, flatten
-from gap.score import overall_gap
-from gap.search import Search, errors_to_exceed, is_significant
-from gap.select_effects import _with_simpler, verdict
-from gap.split import split_by_station
-from gap.standing import verdict_of
+from gap.fit.residuals import LOST_PLATE, flatten
+from gap.fit.score import overall_gap
+from gap.fit.split import split_by_station
+from gap.select.discrete import Discrete
+from gap.select.exchange import one_of
+from gap.select.naming import errors_to_exceed, is_significant
+from gap.select.outcome import Selection, Step, outcome_of
+from gap.select.search import Search
+from gap.select.select_effects import _with_simpler, verdict
+from gap.select.standing import verdict_of
 
 CANDIDATES = ["radial_distortion", "focal_length", "lens_blur", "exposure", "marker_scale", "principal_point"]
 

@@ -10,12 +10,12 @@ import pytest
 from drawn import scene_and_view
 
 from case_files import OBSERVED, load_observations, save_observations
-from gap import next_station
-from gap.ladder import interval, summary
+from gap.explain import next_station
+from gap.explain.ladder import interval, summary
+from gap.fit.residuals import RHO_NOISE, rho
 from gap.measure.capture import Codes, Observation
-from gap.outcome import confused_with
 from gap.problem import Capture, Case, encoding_table
-from gap.residuals import RHO_NOISE, rho
+from gap.select.outcome import confused_with
 from inputs.twins import load_twin
 from rig.geometry import station_pose
 

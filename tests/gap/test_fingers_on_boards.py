@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from test_changes import POINTS, RIGID, photographs
 
-from gap.select_effects import verdict
+from gap.select.select_effects import verdict
 
 REACH_M = 0.05  # of a finger's tip over the board, about an outer corner
 OFF_PX = (6.0, 4.0)  # to where its edge crosses a square's

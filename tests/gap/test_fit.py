@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from effects import library
-from gap.normal_equations import errors_of, normal_equations, response, step_within, updated, without_pose
+from gap.fit.normal_equations import errors_of, normal_equations, response, step_within, updated, without_pose
+from gap.fit.parameters import image_step
+from gap.fit.residuals import NU, Whitener, rounding_variance
 from gap.observables import FEATURE_FLOOR
-from gap.parameters import image_step
-from gap.residuals import NU, Whitener, rounding_variance
 
 
 def residuals_and_derivatives():

@@ -10,7 +10,7 @@ import yaml
 from diagnose_camera import diagnose_camera
 from expand_tables import expand_tables
 from find_changes import find_changes
-from gap.changes import MIN_CAPTURES
+from gap.changes.changes import MIN_CAPTURES
 from register.board_checks import MIN_PHOTOGRAPHS
 from register_captures import OF_BASELINE, least_usable, register_captures
 from reporting.sentences import verdict_words

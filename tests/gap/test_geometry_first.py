@@ -7,10 +7,11 @@ import pytest
 from cases import case_of_several
 
 from effects import library
-from gap.geometry_first import _fewest, are_told_by_others, told_beside_the_rest, told_by_corners
-from gap.linear_model import proposed
-from gap.search import Search
-from gap.select_effects import is_flexible, verdict
+from gap.select.geometry_first import _fewest, are_told_by_others, told_beside_the_rest, told_by_corners
+from gap.select.linear_model import proposed
+from gap.select.naming import is_flexible
+from gap.select.search import Search
+from gap.select.select_effects import verdict
 
 
 def rigid(search):
@@ -97,7 +98,7 @@ def test_what_lenses_leave_open_is_a_warps_where_that_closes_it(monkeypatch, by_
     """
     left = {(): 1000.0, ("radial_distortion",): by_lenses, ("local_warp",): by_warp}
     monkeypatch.setattr(
-        "gap.geometry_first._told_with", lambda search, twin, names: (None, (None, left[tuple(names)], 0))
+        "gap.select.geometry_first._told_with", lambda search, twin, names: (None, (None, left[tuple(names)], 0))
     )
     base = SimpleNamespace(excess={"corners": 1000.0})
     assert are_told_by_others(None, base, ["radial_distortion", "exposure"], ["local_warp"]) == is_warp

@@ -10,15 +10,15 @@ from cases import case_of_several, generated_case
 from stand_in_twins import base_twin, twin_with_gaps
 
 from effects import library
-from gap import exchange, joint_way
-from gap.exchange import short_fit
-from gap.joint_way import all_at_once, first_proposal
-from gap.linear_model import Proposal, proposed
-from gap.outcome import Selection
-from gap.parameters import fitted_parameters
-from gap.pruning import _is_clearly_more, descent_without
-from gap.search import SCALE_FROM_NEAR, SCALE_FROM_START, Search
-from gap.select_effects import is_flexible
+from gap.fit.parameters import fitted_parameters
+from gap.select import exchange, joint_way
+from gap.select.exchange import short_fit
+from gap.select.joint_way import all_at_once, first_proposal
+from gap.select.linear_model import Proposal, proposed
+from gap.select.naming import is_flexible
+from gap.select.outcome import Selection
+from gap.select.pruning import _is_clearly_more, descent_without
+from gap.select.search import SCALE_FROM_NEAR, SCALE_FROM_START, Search
 
 SIX = ["exposure", "focal_length", "lens_blur", "principal_point", "radial_distortion", "sensor_noise"]
 OTHERS = ["defocus", "marker_scale", "tone_curve", "vignetting"]

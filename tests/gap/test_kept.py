@@ -8,8 +8,8 @@ from cases import generated_case
 
 from diagnose_camera import stored_outcomes
 from effects.contract import available_effects
-from gap.search import Search
-from gap.select_effects import verdict
+from gap.select.search import Search
+from gap.select.select_effects import verdict
 from outcome_store import OutcomeStore
 
 CANDIDATES = ["exposure", "radial_distortion", "vignetting"]

@@ -13,10 +13,10 @@ ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests/bench")]
 
 from effects import library  # noqa: E402
-from gap.joined import joined  # noqa: E402
+from gap.changes.joined import joined  # noqa: E402
 from gap.problem import without_own  # noqa: E402
-from gap.search import Search  # noqa: E402
-from gap.select_effects import verdict  # noqa: E402
+from gap.select.search import Search  # noqa: E402
+from gap.select.select_effects import verdict  # noqa: E402
 from generator import draw_effect, generate_campaign, nominal  # noqa: E402
 from generator.left_open import own_effects, shared_effects  # noqa: E402
 from rig.geometry import N_POSE  # noqa: E402

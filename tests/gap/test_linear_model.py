@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gap import linear_model
 from gap.bounds import MAX_SIMPLE, MIN_GAIN
-from gap.evidence import start_step, step_over_rounding
-from gap.linear_model import LinearModel, Way, _rivals, _simpler, exchanges, missing_noise, selected
-from gap.parameters import spec
+from gap.fit.evidence import start_step, step_over_rounding
+from gap.fit.parameters import spec
+from gap.select import linear_model
+from gap.select.linear_model import LinearModel, Way, _rivals, _simpler, exchanges, missing_noise, selected
 
 H, G = np.array([[4.0, 2.0, 0.0], [2.0, 4.0, 0.0], [0.0, 0.0, 1.0]]), np.array([8.0, 8.0, -3.0])
 

@@ -12,13 +12,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "bench"))
 
 from diagnose_patches import both_looks  # noqa: E402
 from effects import library  # noqa: E402
-from gap.instructions import EXPOSURES, FURTHER, MORE, PLACES  # noqa: E402
-from gap.needs import MIN_INFORMATION, Told  # noqa: E402
-from gap.needs_of_cells import OfCells, cells_cannot_tell  # noqa: E402
+from gap.boards.instructions import EXPOSURES, FURTHER, MORE, PLACES  # noqa: E402
+from gap.boards.needs import MIN_INFORMATION, Told  # noqa: E402
 from gap.observables import SIGNS, SIGNS_OF_GROUP  # noqa: E402
-from gap.outcome import Step  # noqa: E402
-from gap.search import Search  # noqa: E402
-from gap.twin import Candidate  # noqa: E402
+from gap.select.outcome import Step  # noqa: E402
+from gap.select.search import Search  # noqa: E402
+from gap.select.twin import Candidate  # noqa: E402
+from gap.signatures.needs_of_cells import OfCells, cells_cannot_tell  # noqa: E402
 from reporting.sentences import needs_words  # noqa: E402
 from retaken_board import signatures_of  # noqa: E402
 from rig.light import LIGHT, exposed  # noqa: E402

@@ -8,9 +8,9 @@ import pytest
 from stand_in_twins import base_twin, standing_with, twin_with_gaps
 
 from diagnose_camera import step_records
-from gap.outcome import Step, in_last_twin, told_apart
-from gap.standing import residue_of
-from gap.twin import Candidate
+from gap.select.outcome import Step, in_last_twin, told_apart
+from gap.select.standing import residue_of
+from gap.select.twin import Candidate
 from trials.summarise_trials import names_in
 
 

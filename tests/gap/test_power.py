@@ -7,11 +7,11 @@ import pytest
 
 from effects import library
 from gap.bounds import MAX_P
-from gap.changes import Asked, power_to_see
+from gap.changes.changes import Asked, power_to_see
+from gap.changes.permutation import Moments, labellings, p_values
+from gap.changes.power import AMOUNTS, clear_ones, least_seen
 from gap.observables import SIGNS
-from gap.permutation import Moments, labellings, p_values
-from gap.power import AMOUNTS, clear_ones, least_seen
-from gap.signature_comparison import compared
+from gap.signatures.signature_comparison import compared
 
 CAPTURES = 5  # of each set
 DRAWN = 40
@@ -51,7 +51,7 @@ def drawn_moments(rng, ratio):
 
 
 def asked_of(made, labels):
-    """Return {effect: gap.changes.Asked} of Moments by EFFECTS."""
+    """Return {effect: changes.Asked} of Moments by EFFECTS."""
     differences = [made.differences(np.array([k]), True, labels) for k in range(len(EFFECTS))]
     p = p_values(np.array([d.evidence for d in differences]))
     return {n: Asked(((n, "ratio"),), 0.0, p[k], (differences[k],)) for k, n in enumerate(EFFECTS)}

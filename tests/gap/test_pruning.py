@@ -9,9 +9,9 @@ from cases import case_of_several
 from stand_in_twins import StandingTwin, base_twin
 
 from effects import library
-from gap import pruning
-from gap.exchange import short_fit, standing
-from gap.search import SCALE_FROM_NEAR, SCALE_FROM_START, Search
+from gap.select import pruning
+from gap.select.exchange import short_fit, standing
+from gap.select.search import SCALE_FROM_NEAR, SCALE_FROM_START, Search
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from test_changes import FOCAL_PX, NOISE_PX, POINTS, SIZE, compared, names, photographs
 
-from gap.readout_motion import with_motion
+from gap.boards.readout_motion import with_motion
 from rig.geometry import camera_matrix, make_pose, perturb_pose, transform
 
 TURN_RAD = 0.01  # standard deviation, from the first row to the last: 6 px

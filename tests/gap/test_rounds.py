@@ -9,12 +9,12 @@ from cases import case_of_several
 from stand_in_twins import base_twin, standing_with, twin_with_gaps
 
 from effects import library
-from gap import exchange, joint_way
-from gap.exchange import from_best_starts, with_best_starts
-from gap.joint_way import all_at_once
-from gap.linear_model import Proposal
-from gap.outcome import Selection
-from gap.search import Search
+from gap.select import exchange, joint_way
+from gap.select.exchange import from_best_starts, with_best_starts
+from gap.select.joint_way import all_at_once
+from gap.select.linear_model import Proposal
+from gap.select.outcome import Selection
+from gap.select.search import Search
 
 
 def as_it_is(search, base, twin, end, names=()):

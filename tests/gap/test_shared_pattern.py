@@ -8,8 +8,8 @@ import pytest
 from stand_in_twins import base_twin
 
 from gap.bounds import LITTLE
-from gap.search import Search
-from gap.select_effects import is_missing, least_gain
+from gap.select.naming import is_missing, least_gain
+from gap.select.search import Search
 
 CAPTURES, COLUMNS, ROWS = 10, 10, 8
 REPEATS, PATTERN = 0.5, 0.57  # standard deviations of what repeats of a station and columns differ by

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from drawn_board import board_case, photograph
 
-import gap.signature_changes
+import gap.signatures.signature_changes
 from effects import library
 from effects.pipeline import map_points
 from gap.bounds import TWICE
 from gap.observables import SIGNS
-from gap.signature import OF_CODEC, Photograph
-from gap.signature_changes import (
+from gap.signatures.signature import OF_CODEC, Photograph
+from gap.signatures.signature_changes import (
     Layer,
     candidates_of,
     compared,
@@ -81,7 +81,7 @@ def test_what_was_laid_on_is_named_with_its_size(before, name, laid, parameter, 
 
 def test_what_is_too_small_for_a_name_leaves_it_to_the_next(before, monkeypatch):
     """Fails if a blur has no name because another effect, too small to matter, explains it a little better."""
-    monkeypatch.setattr(gap.signature_changes, "is_significant", lambda effect, *_: effect != "lens_blur")
+    monkeypatch.setattr(gap.signatures.signature_changes, "is_significant", lambda effect, *_: effect != "lens_blur")
     found, *_ = signature_changes(before, after({"lens_blur": {"sigma_px": 1.2}}), ["lens_blur", "defocus"], "c")
     assert [c.effect for c in found] == ["defocus"]
 

@@ -12,12 +12,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "bench"))
 
 from diagnose_patches import LIKE_LIGHT, competing  # noqa: E402
 from effects import library, pipeline  # noqa: E402
+from gap.boards.photographs import expected_corners, spread_out  # noqa: E402
+from gap.fit.residuals import GROUPS  # noqa: E402
 from gap.observables import SIGNS, SIGNS_OF_GROUP  # noqa: E402
-from gap.photographs import expected_corners, spread_out  # noqa: E402
-from gap.residuals import GROUPS  # noqa: E402
-from gap.search import Search  # noqa: E402
-from gap.select_effects import verdict  # noqa: E402
-from gap.signature_case import OF_SLOPES  # noqa: E402
+from gap.select.search import Search  # noqa: E402
+from gap.select.select_effects import verdict  # noqa: E402
+from gap.signatures.signature_case import OF_SLOPES  # noqa: E402
 from retaken_board import POINTS, signatures_of  # noqa: E402
 from rig.geometry import project  # noqa: E402
 from rig.light import LIGHT, exposed, free_numbers  # noqa: E402

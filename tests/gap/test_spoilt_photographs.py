@@ -7,8 +7,8 @@ from drawn_board import K
 from test_signature_case import FEW, NOISE, NOISE_OF_TWIN
 
 import retaken_board
-from gap.photographs import expected_corners
-from gap.select_effects import verdict
+from gap.boards.photographs import expected_corners
+from gap.select.select_effects import verdict
 from retaken_board import POINTS, signatures_of, taken
 from rig.geometry import project
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from cases import generated_case
 
-from gap.select_effects import verdict
+from gap.select.select_effects import verdict
 from generator import nominal
 
 

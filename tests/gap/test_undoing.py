@@ -6,8 +6,8 @@ import pytest
 from stand_in_twins import base_twin
 
 from effects import library
-from gap import joint_way, undoing
-from gap.linear_model import Proposal
+from gap.select import joint_way, undoing
+from gap.select.linear_model import Proposal
 
 NAMES = ["defocus", "denoising", "lens_blur", "sharpening", "tone_curve"]
 

@@ -8,13 +8,13 @@ import pytest
 from drawn import grey_image, scene_and_view
 
 from gap.bounds import MAX_FLOOR
+from gap.fit.residuals import RHO_NOISE
+from gap.fit.score import floors_of, group_gaps, robust_scatter
 from gap.measure.capture import Codes, measure_colour
 from gap.measure.regions import GROUND, SKY, WHITE, choose_regions, noise_features
 from gap.observables import COLOUR_FEATURES, MIN_FLOOR, NOISE_FEATURES
 from gap.problem import code_corners_world, encoding_table
-from gap.residuals import RHO_NOISE
-from gap.score import floors_of, group_gaps, robust_scatter
-from gap.search import Search
+from gap.select.search import Search
 from rig.geometry import project
 
 SHAPE = 240, 320

@@ -8,10 +8,10 @@ import pytest
 from stand_in_twins import twin_with_gaps
 
 from effects import library
-from gap import select_effects
-from gap.outcome import Step, outcome_of
-from gap.search import MAX_STARTS, Search
-from gap.twin import Candidate
+from gap.select import candidates, select_effects
+from gap.select.outcome import Step, outcome_of
+from gap.select.search import MAX_STARTS, Search
+from gap.select.twin import Candidate
 
 
 def best_way(monkeypatch, path, names, before, is_of_signs):
@@ -81,10 +81,10 @@ def test_short_fits_begin_what_a_sharpening_undoes_anew(monkeypatch, there):
         begun.append(effects)
         return SimpleNamespace(loss=1000.0)
 
-    monkeypatch.setattr(select_effects, "short_fit", short_fit)
+    monkeypatch.setattr(candidates, "short_fit", short_fit)
     search = SimpleNamespace(problem=SimpleNamespace(starts_of=library.starts_of), train=[0, 1, 2, 3])
     twin = SimpleNamespace(effects=(own,), poses=None, names=[there])
-    select_effects.try_by_short_fits(
+    candidates.try_by_short_fits(
         search, twin, [SimpleNamespace(effect="sharpening", complete=False, gain=0.0, parameters={})]
     )
     anew = [(there, start) for start in library.starts_of(there)[:MAX_STARTS]]

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from gap.where import COVARIATES, EXPLAINED, explained_shares
+from gap.explain.where import COVARIATES, EXPLAINED, explained_shares
 
 
 def plates(overshoot):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gap.select_effects import verdict
+from gap.select.select_effects import verdict
 from marker_photographs import STATIONS, write_marker_campaign
 from trials.observe_trial import observe_camera, observed_cases
 

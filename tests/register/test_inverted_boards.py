@@ -10,7 +10,7 @@ import yaml
 
 from board_photographs import drawn, lay
 from expand_tables import expand_tables
-from gap.signature import MIN_PATCHES
+from gap.signatures.signature import MIN_PATCHES
 from inputs.campaign import CalibrationBoard
 from inputs.scene import load_scene
 from light_captures import light_captures

@@ -7,7 +7,7 @@ import shutil
 import numpy as np
 import pytest
 
-from gap.search import Search
+from gap.select.search import Search
 from rig.errors import InputError
 from trials import diagnose_trial
 from trials.generate_trials import generate_trial
