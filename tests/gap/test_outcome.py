@@ -8,6 +8,7 @@ import pytest
 from stand_in_twins import base_twin, standing_with, twin_with_gaps
 
 from diagnose_camera import step_records
+from effects import library
 from gap.select.outcome import Step, in_last_twin, told_apart
 from gap.select.standing import residue_of
 from gap.select.twin import Candidate
@@ -22,6 +23,19 @@ def test_what_did_as_well_is_told_with_a_twin_in_its_place():
     assert told.confused_with == ("defocus",)
     assert [c.twin.names for c in told.candidates] == [["lens_blur", "exposure"], ["defocus", "exposure"]]
     assert told_apart(step, told, [], twin).confused_with == ("defocus",)
+
+
+def test_a_parameter_at_its_bound_has_no_standard_error():
+    """Fails if what a fit pushed against its bound is told with the error of a minimum, "0.000000 ± 0.000057", or another
+    parameter of the same effect loses its own.
+    """
+    low, high = (getattr(library.parameters_of("denoising")["median_share"], end) for end in ("lower", "upper"))
+    errors = {("denoising", k): 0.1 for k in ("strength_dn", "median_share")}
+    for share, said in ((low, None), (0.5 * (low + high), 0.1), (high, None)):
+        effects = (("denoising", {"strength_dn": 4.0, "median_share": share, "average_px": 0.8}),)
+        told = replace(base_twin(), effects=effects, errors=errors).told("denoising")
+        assert told["median_share"] == {"value": share, "se": said}
+        assert told["strength_dn"]["se"] == 0.1 and told["average_px"]["se"] is None
 
 
 LOSSES = {"defocus": 524.0, "motion_blur": 526.0, "field_curvature": 500.0, "denoising": 510.0}  # of the twin: 500

@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from gap.bounds import CHARGE
+from gap.fit.parameters import spec
 from gap.fit.score import excess_of, gap_error, losses_of, overall_gap
 
 
@@ -35,8 +36,12 @@ class Twin:
         return [name for name, _ in self.effects]
 
     def told(self, name):
-        """Return {parameter: {"value", "se"}} of an effect, the standard error None of what was not fitted."""
-        return {k: {"value": v, "se": self.errors.get((name, k))} for k, v in dict(self.effects)[name].items()}
+        """Return {parameter: {"value", "se"}} of an effect, the standard error None of what was not fitted or is at its bound."""
+        return {k: {"value": v, "se": self._error_of((name, k), v)} for k, v in dict(self.effects)[name].items()}
+
+    def _error_of(self, parameter, value):
+        """Return the standard error of a value; None at a bound, beyond which the loss may fall: its curvature says nothing."""
+        return None if value in (spec(parameter).lower, spec(parameter).upper) else self.errors.get(parameter)
 
     @cached_property
     def losses(self):
