@@ -24,7 +24,7 @@ def mean_of_median(plane, side, noise_dn):
     square, and nearer elsewhere.
     """
     sharp = cv2.medianBlur(plane, side)
-    noise = np.broadcast_to(np.float32(noise_dn), plane.shape)
+    noise = np.full(plane.shape, noise_dn, np.float32)  # of one type, whatever it was: each is compiled
     if noise.max() < MIN_NOISE_DN:
         return sharp
     square = np.ones((side, side), np.uint8)
