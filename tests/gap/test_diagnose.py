@@ -323,7 +323,9 @@ def test_a_twin_that_hides_plates_is_told(lost, hides):
     ids=["exposure", "curve", "two"],
 )
 def test_a_curve_gives_way_to_what_it_only_mimics(tmp_path, hidden, simpler):
-    """Fails if a curve keeps the name of an exposure, alone or with a glare, or a real curve loses its own to several others."""
+    """Fails if a curve keeps the name of an exposure, alone or with a glare, or a real curve loses its own to several others; or
+    if a short fit does not tell which may do as well: others would be fitted whole for nothing, or none at all.
+    """
     case = case_of_several(tmp_path, hidden)
     search = Search(case)
     base = search.fitted([])
@@ -335,6 +337,8 @@ def test_a_curve_gives_way_to_what_it_only_mimics(tmp_path, hidden, simpler):
     instead = _with_simpler(Selection(search, 60_000, {}), base, first, best, base.excess)
     assert named(instead) == (simpler or ["tone_curve"])
     assert instead.twin.names == named(instead)
+    alone = search.may_do_as_well(twin, [("exposure", library.nulls_of("exposure"))])
+    assert alone == (simpler == ["exposure"])
     of_the_curve = ("ink_reflectance",)  # doubles that are not another effect's
     assert instead.steps[0].confused_with == (() if simpler else of_the_curve)
 

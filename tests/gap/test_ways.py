@@ -195,3 +195,28 @@ def test_an_effect_begins_anew_where_it_has_several_likely_starts():
 
     assert (anew(3.0, 2.0), anew(8.0, 9.0), anew(1.0)) == (20.0, 50.0, 50.0)
     assert fitted == [[focus, ["vignetting", "defocus"]] for focus in (3.0, 2.0, 8.0, 9.0)]
+
+
+def test_only_what_may_do_as_well_is_fitted_whole_in_a_curves_place(monkeypatch):
+    """Fails if each set of simpler effects is fitted whole, which takes longer than all the rest, or if a longer set is taken
+    where a shorter one does as well.
+    """
+    fitted, likely = [], [["exposure"], ["exposure", "veiling_glare"]]
+    twin = SimpleNamespace(effects=(("tone_curve", {}),), names=["tone_curve"], poses=None, losses={0: 500.0})
+
+    def fit(effects, poses):
+        fitted.append([n for n, _ in effects])
+        return SimpleNamespace(losses={0: 400.0})
+
+    search = SimpleNamespace(
+        mimics=lambda *_: [["ink_reflectance"], *likely],
+        may_do_as_well=lambda _, effects: [n for n, _ in effects] in likely,
+        fitted=fit,
+    )
+    monkeypatch.setattr(select_effects, "_in_its_place", lambda *a: a[4])
+    step = SimpleNamespace(effect="tone_curve")
+    selection = SimpleNamespace(search=search, is_spent=lambda: False)
+    first = [SimpleNamespace(effect=n) for n in ("exposure", "veiling_glare", "ink_reflectance")]
+    best = SimpleNamespace(steps=[step], twin=twin)
+    taken = select_effects._with_simpler(selection, None, first, best, None)
+    assert list(taken) == ["exposure"] and fitted == [["exposure"]]

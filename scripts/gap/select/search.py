@@ -232,6 +232,13 @@ class Search:
             best, sets = longer[0], sets + longer[:ALIKE_MIMICS]
         return [taken for taken in sets if gain_of(taken).sum() >= enough]
 
+    @kept
+    def may_do_as_well(self, twin, effects):
+        """Return whether a list of effects leaves no more than TWICE a Twin's loss after a short fit in a few captures."""
+        few = probes(self.train)
+        end = self.descended(effects, twin.poses, SCALE_FROM_NEAR, few, ITERATIONS_OF_RIVALS)
+        return end.loss <= TWICE * total(self.solver.residuals_of(twin.effects, twin.poses, few), NU)
+
     def prepared_for(self, twin):
         """Return (probes, their derivatives by the twin's parameters), made once for a twin.
 

@@ -207,13 +207,13 @@ def _with_simpler(selection, base, first, best, before):
             continue
         alike = [n for n in simple if library.affects(n) == library.affects(step.effect) and n not in best.twin.names]
         rest, sets = [e for e in best.twin.effects if e[0] != step.effect], search.mimics(best.twin, step.effect, alike)
-        for _, of_a_size in groupby(sets, len):
-            of_a_size = list(of_a_size)
-            effects = [[*rest, *((n, library.nulls_of(n)) for n in simpler)] for simpler in of_a_size]
-            twins = [search.fitted(some, best.twin.poses) for some in effects]
-            k = min(range(len(twins)), key=lambda k: sum(twins[k].losses.values()))
-            if sum(twins[k].losses.values()) < sum(best.twin.losses.values()):
-                best = _in_its_place(search, base, best, step, of_a_size[k], twins[k], before)
+        effects = {tuple(simpler): [*rest, *((n, library.nulls_of(n)) for n in simpler)] for simpler in sets}
+        likely = [simpler for simpler in effects if search.may_do_as_well(best.twin, effects[simpler])]
+        for _, of_a_size in groupby(likely, len):
+            twins = {simpler: search.fitted(effects[simpler], best.twin.poses) for simpler in of_a_size}
+            simpler = min(twins, key=lambda some: sum(twins[some].losses.values()))
+            if sum(twins[simpler].losses.values()) < sum(best.twin.losses.values()):
+                best = _in_its_place(search, base, best, step, simpler, twins[simpler], before)
                 break
     return best
 
