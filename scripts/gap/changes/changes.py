@@ -108,10 +108,9 @@ def changes(before, after, effects=(), candidates=None, threads=1):
     twin = common_twin(fit, problem, effects, names)
     if outliers := outlying(fit, twin):
         fit = JointFit(fit.solver, belongs, [i for i in indices if i not in outliers])
-        twin = fit.fitted(fit.twin(twin.effects, (), twin.poses), fitted_parameters(list(twin.effects[0])))
-    fit, twin = with_shape(fit, twin, threads)
-    labels = labellings(belongs[fit.indices], np.random.default_rng(seed_of("labels", problem.camera)))
-    base_fit = fit
+        twin = fit.fitted(fit.twin(twin.effects, (), twin.poses))
+    base_fit, twin = with_shape(fit, twin, threads)
+    labels = labellings(belongs[base_fit.indices], np.random.default_rng(seed_of("labels", problem.camera)))
     found, last, asked, fit = forward(base_fit, twin, (), names, labels, threads)
     if warp := warp_in_parts(twin, found):
         alone = with_own(base_fit, twin, warp.effect)
@@ -185,8 +184,7 @@ def common_twin(fit, problem, effects, names):
     shared = dict(problem.nuisances) | dict(effects)
     if not problem.draws:
         shared |= {n: library.nulls_of(n) for n in names if n not in shared and not is_flexible(n)}
-    twin = fit.start(list(shared.items()))
-    return fit.fitted(twin, fitted_parameters(list(shared.items())))
+    return fit.fitted(fit.start(list(shared.items())))
 
 
 def with_shape(fit, twin, threads):
@@ -195,8 +193,7 @@ def with_shape(fit, twin, threads):
         problem = fit.solver.problem
         points = problem.points + offsets_of(problem, twin, fit.belongs, fit.indices)
         fit = JointFit(Solver(replace(problem, points=points), fit.indices, threads), fit.belongs, fit.indices)
-        start = fit.twin(twin.effects, twin.changed, twin.poses)
-        twin = fit.fitted(start, fitted_parameters(list(twin.effects[0])))
+        twin = fit.fitted(fit.twin(twin.effects, twin.changed, twin.poses))
     return fit, twin
 
 
@@ -313,8 +310,7 @@ def net_predicted_gain(asked):
 def with_own(fit, twin, name):
     """Return the JointTwin in which an effect has parameters of its own in each set, all fitted."""
     effects = [e if name in twin.names else (*e, (name, library.starts_of(name)[0])) for e in twin.effects]
-    start = fit.twin(effects, (*twin.changed, name), twin.poses)
-    return fit.fitted(start, fitted_parameters(list(start.effects[0])))
+    return fit.fitted(fit.twin(effects, (*twin.changed, name), twin.poses))
 
 
 def matters(name, twin):

@@ -1,6 +1,6 @@
 """One twin fitted to two sets of captures: effects have the same parameters in both, but for those that have changed."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -81,12 +81,12 @@ class JointFit:
         self.solver, self.belongs, self.indices = solver, belongs, list(indices)
         self.members = [[i for i in self.indices if belongs[i] == k] for k in (0, 1)]
 
-    def start(self, effects, poses=None):
+    def start(self, effects):
         """Return the JointTwin of effects that both sets share, fitted to points alone; nothing changed."""
-        poses = self.solver.problem.start_poses() if poses is None else poses
+        poses, none = self.solver.problem.start_poses(), self.solver.no_offsets()
         geometric = [f for f in fitted_parameters(effects) if is_geometric(f)]
         effects, poses = self.solver.fit_geometry(
-            list(effects), geometric, poses, self.solver.no_offsets(), self.indices, SCALE_FROM_AFAR, ITERATIONS
+            list(effects), geometric, poses, none, self.indices, SCALE_FROM_AFAR, ITERATIONS
         )
         return self.twin((tuple(effects), tuple(effects)), (), poses)
 
@@ -118,12 +118,12 @@ class JointFit:
             out[i] = wide, Jp
         return out
 
-    def fitted(self, twin, free):
-        """Return a JointTwin with parameters ``free`` [(effect, parameter)] fitted, of changed effects for each set.
+    def fitted(self, twin):
+        """Return a JointTwin with all that a fit may move fitted, of changed effects for each set.
 
         Gauss-Newton with an annealed robust scale, as solver.Solver.fit; errors are normal_equations.errors_of's.
         """
-        slots = Slots(free, twin.changed)
+        slots = Slots(fitted_parameters(twin.effects[0]), twin.changed)
         parameters = slots.parameters()
         null, precision = ridge_of(parameters)
         bounds = bounds_of(parameters)
@@ -161,7 +161,7 @@ class JointFit:
         H, _, _ = normal_equations(derivatives, twin.groups, NU, (np.diag(precision), np.zeros(len(precision))))
         errors, _ = errors_of(np.linalg.pinv(H), derivatives, twin.groups, precision, self.solver.whiteners)
         of_sets = tuple(dict(zip(slots.free, errors[of], strict=True)) for of in slots.of)
-        return JointTwin(twin.effects, twin.changed, twin.poses, twin.groups, twin.loss, of_sets)
+        return replace(twin, errors=of_sets)
 
 
 def equations_of(fit, twin, free, step_of):
