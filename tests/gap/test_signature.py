@@ -197,7 +197,7 @@ def test_alternatives_that_a_start_mixes_are_tried_alone():
 def test_a_start_is_scaled_from_nothing():
     """Fails if half of an effect is half of its numbers where nothing is not 0, or auxiliary numbers are scaled as well."""
     nulls = library.nulls_of("sharpening")
-    half = scaled("sharpening", nulls, nulls | {"amount": 0.8, "radius_px": 2.0}, 0.5)
+    half = scaled("sharpening", nulls | {"amount": 0.8, "radius_px": 2.0}, 0.5)
     assert half == {"amount": pytest.approx(0.4), "radius_px": 2.0}
 
 
@@ -285,8 +285,8 @@ def test_noise_is_no_sharpness(before):
 
 def test_a_lens_that_got_sharper_made_no_noise(before):
     """Fails if noise that came in is explained by a blur that went away: laid on, a blur would smooth it."""
-    blur = [("lens_blur", library.nulls_of("lens_blur") | {"sigma_px": 0.8})]
+    blur = "lens_blur", library.nulls_of("lens_blur") | {"sigma_px": 0.8}
     noise = [SIGNS.index(name) for name in ("noise_white", "noise_black", "noise_coarse")]
-    less, more = (Layer(before, [], sign, map).move(blur) for sign in (-1, 1))
+    less, more = (Layer(before, [], sign, map).move(*blur) for sign in (-1, 1))
     assert not less[noise].any() and less[SIGNS.index("fine_x")] > 0.1
     assert more[noise].any()

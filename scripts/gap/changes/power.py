@@ -30,9 +30,9 @@ def least_seen(effect, power):
     power takes the effect's parameters and returns the share of divisions in which they are seen. Of several clear ones, each
     another form of the effect, that counts which is seen first.
     """
-    nulls, k, least = library.nulls_of(effect), len(AMOUNTS), None
+    k, least = len(AMOUNTS), None
     for clear in clear_ones(effect):
-        amounts = [scaled(effect, nulls, clear, times) for times in AMOUNTS]
+        amounts = [scaled(effect, clear, times) for times in AMOUNTS]
         first = bisect_left(amounts, SEEN, hi=k, key=power)
         if first < k:
             k, least = first, (AMOUNTS[first], amounts[first])

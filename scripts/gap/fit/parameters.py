@@ -57,13 +57,13 @@ def prior_loss(free, theta):
     return float((precision * (theta - null) ** 2).sum())
 
 
-def scaled(name, nulls, start, scale):
+def scaled(name, start, scale):
     """Return an effect's parameters as far from the null as a start, times a scale, within their bounds."""
     out = dict(start)
     for key in start:
         s = spec((name, key))
         if not s.auxiliary:
-            out[key] = float(np.clip(nulls[key] + scale * (start[key] - nulls[key]), s.lower, s.upper))
+            out[key] = float(np.clip(s.null + scale * (start[key] - s.null), s.lower, s.upper))
     return out
 
 

@@ -7,6 +7,7 @@ ones where it has become less, and the one that takes one set's signatures to th
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -15,7 +16,7 @@ from effects import library
 from gap.bounds import CHARGE, CLOSED, MAX_P, MOST, TWICE
 from gap.changes.changes import MIN_CAPTURES
 from gap.changes.power import CLEAR, clear_ones, least_seen
-from gap.fit.parameters import scaled, spec
+from gap.fit.parameters import bounds_of, scaled, spec
 from gap.fit.split import thinned
 from gap.observables import SIGNS, SIGNS_OF_GROUP
 from gap.select.exchange import MAX_GROUP
@@ -83,15 +84,15 @@ class Layer:
     def _signatures(self, effects):
         return signatures_of(self.photographs, [*self.laid, *effects], self.each)
 
-    def move(self, effects):
-        """Return by what the earlier signatures (len(SIGNS),) seem to move.
+    def move(self, name, parameters):
+        """Return by what the earlier signatures (len(SIGNS),) seem to move where an effect is laid on.
 
         What a lens no longer does, it did to light: laid on the later photographs it smooths noise that came after it.
         """
         with np.errstate(invalid="ignore"):
-            moved = self._signatures(effects) - self._before
+            moved = self._signatures([(name, parameters)]) - self._before
         moved = self.sign * np.array([np.median(m[np.isfinite(m)]) if np.isfinite(m).any() else 0.0 for m in moved.T])
-        if self.sign < 0 and all(library.is_before_sensor(name) for name, _ in effects):
+        if self.sign < 0 and library.is_before_sensor(name):
             moved[AFTER_LENS] = 0.0
         return moved
 
@@ -126,29 +127,28 @@ def tried(name, layer, comparison):
 
     None where it leads the other way.
     """
-    nulls = library.nulls_of(name)
     from_nothing = library.begins_at_nothing(name)
     if from_nothing and layer.sign < 0:
         return None
     found = []
     for start in [_from_nothing(name, layer, comparison)] if from_nothing else starts_of(name):
-        found += _scaled_ones(laid_on(name, start, layer, comparison), nulls, layer, comparison)
+        found += _scaled_ones(laid_on(name, start, layer, comparison), layer, comparison)
     return min(found, key=lambda t: t.left, default=None)
 
 
-def _scaled_ones(trial, nulls, layer, comparison):
+def _scaled_ones(trial, layer, comparison):
     """Return the Trials that lead towards the later signatures: one, then as much of it as would fit best if it were linear,
     ``TIMES_SCALED`` times.
     """
-    found, start_distance = [], comparison.distance(np.zeros(len(SIGNS)))
+    found, start = [], comparison.whitened
     for _ in range(TIMES_SCALED):
-        way = start_distance - comparison.distance(trial.moved)
-        scale = float(way @ start_distance) / max(float(way @ way), 1e-9)
+        way = start - comparison.distance(trial.moved)
+        scale = float(way @ start) / max(float(way @ way), 1e-9)
         if scale <= 0:
             return found
         found.append(trial)
         scale = np.clip(scale, *SCALES)
-        trial = laid_on(trial.effect, scaled(trial.effect, nulls, trial.parameters, scale), layer, comparison)
+        trial = laid_on(trial.effect, scaled(trial.effect, trial.parameters, scale), layer, comparison)
     return [*found, trial]
 
 
@@ -166,7 +166,7 @@ def starts_of(name):
 
 def _from_nothing(name, layer, comparison):
     """Return the parameters of an effect that may be of either sign, all as they would fit best if it were linear."""
-    nulls, start = library.nulls_of(name), comparison.distance(np.zeros(len(SIGNS)))
+    nulls, start = library.nulls_of(name), comparison.whitened
     keys = [k for k in library.fitted_parameters(name) if not spec((name, k)).auxiliary]
     specs = [spec((name, k)) for k in keys]
     steps = np.array([CLEAR * s.matters for s in specs])
@@ -180,7 +180,7 @@ def _from_nothing(name, layer, comparison):
 
 def laid_on(name, parameters, layer, comparison):
     """Return the Trial of an effect with parameters."""
-    moved = layer.move([(name, parameters)])
+    moved = layer.move(name, parameters)
     distance = comparison.distance(moved)
     return Trial(
         name,
@@ -196,14 +196,14 @@ def refined(trial, layer, comparison):
     """Return a Trial with its effect's parameters fitted."""
     name, keys = trial.effect, library.fitted_parameters(trial.effect)
     specs = [spec((name, k)) for k in keys]
-    lower, upper = (np.array([getattr(s, side) for s in specs]) for side in ("lower", "upper"))
-    unit = np.array([s.matters for s in specs])
+    lower, upper = bounds_of([(name, k) for k in keys])
+    null, unit = np.array([s.null for s in specs]), np.array([s.matters for s in specs])
     start = np.clip([trial.parameters[k] for k in keys], lower + 1e-6 * unit, upper - 1e-6 * unit)
 
     def left(values):
         parameters = trial.parameters | dict(zip(keys, values * unit, strict=True))
-        pull = [(v * u - s.null) / (s.upper - s.lower) for v, u, s in zip(values, unit, specs, strict=True)]
-        return np.concatenate([comparison.distance(layer.move([(name, parameters)])), pull])
+        pull = (values * unit - null) / (upper - lower)
+        return np.concatenate([comparison.distance(layer.move(name, parameters)), pull])
 
     fit = least_squares(
         left, start / unit, bounds=(lower / unit, upper / unit), x_scale=1.0, diff_step=DIFFERENCE, max_nfev=STEPS
@@ -245,10 +245,11 @@ def least_seen_of(comparison, before, after, found, candidates, threads=1):
             thinned(before, LAID_FOR_POWER), [effect for c in found if not c.less for effect in c.laid], 1, each
         )
 
-        def power_of(name):
-            return lambda parameters: comparison.power(layer.move([(name, parameters)]), MAX_P)
+        def power(name, parameters):
+            return comparison.power(layer.move(name, parameters), MAX_P)
 
-        return {n: least_seen(n, power_of(n)) for n in competing((before, after), candidates) if n not in known}
+        names = [n for n in competing((before, after), candidates) if n not in known]
+        return {n: least_seen(n, partial(power, n)) for n in names}
 
 
 @contextmanager
@@ -272,8 +273,7 @@ def _changes(sets, candidates, seed, each, uncounted):
     ways = ways_of(names, sets, each)
     while True:
         comparison = compared(*signatures, seed, poses, uncounted, ways)
-        start = comparison.distance(np.zeros(len(SIGNS)))
-        total = float(start @ start)
+        total = float(comparison.whitened @ comparison.whitened)
         at_first = at_first or total
         little = bool(found) and total - len(comparison.counted) < CLOSED * at_first
         if comparison.p > MAX_P or little or len(found) == MAX_CHANGES:
@@ -297,7 +297,7 @@ def ways_of(names, sets, each):
     """
     every = sorted((p for photographs in sets for p in photographs), key=lambda p: (p.view.capture, *p.pose))
     layer = Layer(every, [], 1, each)
-    return [layer.move([(n, p)]) for n in names for p in clear_ones(n)]
+    return [layer.move(n, p) for n in names for p in clear_ones(n)]
 
 
 def _named(sets, laid, names, comparison, total, each):

@@ -75,6 +75,11 @@ class Compared:
         """The share of the orders that are as telling as the given one."""
         return float(p_values(self.every.evidence(self.ways)).min())
 
+    @property
+    def whitened(self):
+        """The whitened differences (k,) of the sets, nothing moved."""
+        return self.every.whitener[0] @ self.t
+
     def distance(self, moved):
         """Return the whitened differences (k,) that a move (len(SIGNS),) of the earlier signatures leaves."""
         return self.every.whitener[0] @ (self.t - np.nan_to_num(moved[self.counted]) / self.error)
