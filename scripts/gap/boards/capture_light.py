@@ -11,15 +11,11 @@ from rig.plates import white_cell_at
 
 UNCURVED = 0.05  # prior of the second order: a lamp's light over a board, in logarithms
 DARKEST, BRIGHTEST = 1e-3, 0.995  # of full scale: what is beyond is as good as cut off
-FEWEST_POINTS, FEWEST_OF_ORDER = (
-    6,
-    {1: 0, 2: 12, 3: 24},
-)  # of a board, that say where the rest of it is, by a polynomial
+FEWEST_POINTS = 6  # of a board, that say where the rest of it is
+FEWEST_OF_ORDER = {1: 0, 2: 12, 3: 24}  # {order of a polynomial: points that tell it}
 LATTICE = 90  # places along the board's longer side at which it is looked at
-CLEAR_PX = (
-    2.0,
-    1.0,
-)  # from the nearest edge of a cell: less is blurred; the second where cells are too small for the first
+# From the nearest edge of a cell: less is blurred; the second where cells are too small for the first
+CLEAR_PX = 2.0, 1.0
 FEWEST_PLACES = 12  # of white, and of black, that tell a light
 MAX_PLACES = 600  # of each, that are asked
 ROUNDS_BEHIND = 5  # of a light behind a twin's effects
@@ -57,12 +53,17 @@ def light_of(shown, reflectance, X, Y, free):
 
     def residuals(values):
         light[free] = values
-        off = lit(reflectance[None, :, None], light, X[None], Y[None])[0] - shown
+        off = _radiated(light, reflectance, X, Y) - shown
         return np.concatenate([off.ravel() / SCATTER, light[3:6] / UNCURVED])
 
     fit = least_squares(residuals, light[free], loss="cauchy", x_scale=0.1, max_nfev=50)
     light[free] = fit.x
     return light
+
+
+def _radiated(light, reflectance, X, Y):
+    """Return the radiances (n, 3) of places X, Y (n,) of a reflectance (n,) in a LIGHT (11,)."""
+    return lit(reflectance[None, :, None], light, X[None], Y[None])[0]
 
 
 def photograph_light(image, scene, points, pixels, lut, free, twin=None):
@@ -73,21 +74,21 @@ def photograph_light(image, scene, points, pixels, lut, free, twin=None):
     the photograph shows less than the twin at a place, the light lacks there.
     """
     plate, radiances = scene.plates[0], np.linspace(0, 1, len(lut))
-    _, white, xy = seen_places(plate, points, pixels, image)
+    levels, white, xy = seen_places(plate, points, pixels, image)
     reflectance, (X, Y) = np.where(white, scene.white, scene.black), BoardPlace(plate)(*xy.T)
 
-    def shown_in(picture):
-        return np.interp(seen_places(plate, points, pixels, picture)[0], lut, radiances)
+    def made(light):
+        return np.interp(seen_places(plate, points, pixels, twin(light))[0], lut, radiances)
 
     def radiated(light):
-        return lit(reflectance[None, :, None], light, X[None], Y[None])[0]
+        return _radiated(light, reflectance, X, Y)
 
     def fitted(values):
         return light_of(values, reflectance, X, Y, free)
 
-    shown = shown_in(image)
+    shown = np.interp(levels, lut, radiances)
     light = fitted(shown)
-    return light if twin is None else _light_behind(light, shown, lambda at: shown_in(twin(at)), radiated, fitted)
+    return light if twin is None else _light_behind(light, shown, made, radiated, fitted)
 
 
 def _light_behind(light, shown, made, radiated, fitted):
@@ -156,9 +157,8 @@ def seen_places(plate, points, pixels, image):
         return np.zeros((0, 3)), np.zeros(0, bool), np.zeros((0, 2))
     to_pixels, low, high = found
     step = (high - low).max() / LATTICE
-    xy = np.stack(np.meshgrid(*(np.arange(a + step / 2, b, step) for a, b in zip(low, high, strict=True))), -1).reshape(
-        -1, 2
-    )
+    lattice = np.meshgrid(*(np.arange(a + step / 2, b, step) for a, b in zip(low, high, strict=True)))
+    xy = np.stack(lattice, axis=-1).reshape(-1, 2)
     here = to_pixels(xy)
     height, width = image.shape[:2]
     ok = ((here >= 1) & (here <= [width - 2, height - 2])).all(1)
