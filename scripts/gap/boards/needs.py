@@ -108,7 +108,7 @@ class Told:
     """
 
     def __init__(self, search, twin, names, look=OfPoints):
-        self.look, self.twin, self.map = look(search, twin), twin, search.solver.map
+        self.look, self.map = look(search, twin), search.solver.map
         self.others = [n for n in names if n not in twin.names and not is_flexible(n)]
         self.effects = [*twin.effects, *((n, library.nulls_of(n)) for n in self.others)]
         own = set(search.free(twin.effects))

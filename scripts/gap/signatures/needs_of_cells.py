@@ -19,9 +19,8 @@ from rig.light import LIGHT, exposed
 from rig.words import plain
 
 LOOKED_AT = 2  # photographs that stand for all of them, in as few patches as tell something: each costs a second or two
-MAX_TIMES_TOLD = (
-    20.0  # times as much as one that there is, that a further photograph tells: what needs more is not tried for
-)
+# Times as much as one that there is, that a further photograph tells: what needs more is not tried for
+MAX_TIMES_TOLD = 20.0
 # What signs follow of a photograph's light: slopes are taken out of them
 OF_LIGHT = ("gain", "red", "blue", "stray", "stray_red", "stray_blue")
 LIGHT_STEP = 0.02  # for a derivative: levels are whole numbers
