@@ -108,23 +108,22 @@ def load_measured(expand, register_json, camera, observations, least=MIN_PHOTOGR
         points, pixels = stored["points"], stored["pixels"]
     sigma_pose = prior_of(facts["tolerance"])
     seen = np.isfinite(pixels).all(2)
-    usable = seen.sum(1) >= MIN_POINTS
-    if (number := int(usable.sum())) < least:
-        raise ValueError(f"{number} of {len(usable)} photographs show the board, and {what_it_takes(number, least)}")
+    enough = seen.sum(1) >= MIN_POINTS
+    if (number := int(enough.sum())) < least:
+        raise ValueError(f"{number} of {len(enough)} photographs show the board, and {what_it_takes(number, least)}")
     if not np.isfinite([view.T_cam_world for view in views]).all():
         sigma_pose = NO_PRIOR
         views = [
             replace(v, T_cam_world=pose_from_plane(points[k], xy[k], v.K) if ok else np.eye(4))
-            for v, xy, k, ok in zip(views, pixels, seen, usable, strict=True)
+            for v, xy, k, ok in zip(views, pixels, seen, enough, strict=True)
         ]
-    pixels = np.where(usable[:, None, None], pixels, np.nan)
+    pixels = np.where(enough[:, None, None], pixels, np.nan)
     is_checkered = facts["target"]["type"] in CHECKERED
     if is_checkered:
         pixels = without_alternation(points, pixels, facts["target"]["square_m"])
     pixels = without_pixel_locking(points, pixels, without_lens(pixels, register_json))
     row = tables.read_table(Path(expand) / "cameras.csv", tables.CAMERAS).set_index("camera").loc[camera]
     noise_px = local_noise_px(points, without_lens(pixels, register_json), int(is_checkered))
-    given = np.isfinite(row.fx), sigma_pose
     return board_case(
         facts["name"],
         camera,
@@ -134,7 +133,8 @@ def load_measured(expand, register_json, camera, observations, least=MIN_PHOTOGR
         points,
         pixels,
         noise_px,
-        *given,
+        np.isfinite(row.fx),
+        sigma_pose,
     )
 
 
