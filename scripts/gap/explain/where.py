@@ -87,12 +87,10 @@ def explained_shares(table, train_captures):
     is one minus the ratio of the residual's to the gap's mean square about zero. ``EVERYWHERE`` is one bin of all; of the
     others, those two that explain most are named, where they explain more than it.
     """
-    rows = []
-    if table.empty:
-        return rows
     train = table.capture.isin(train_captures)
-    if train.all() or not train.any():
-        return rows
+    if train.all() or not train.any():  # nothing to predict, or nothing to learn from
+        return []
+    rows = []
     for group, observables in EXPLAINED.items():
         for observable in (o for o in observables if o in table):
             gap = table[observable].clip(*table[observable].quantile([0.01, 0.99]))
@@ -111,7 +109,7 @@ def _bins(covariate):
     edges = np.unique(covariate.quantile(np.linspace(0, 1, BINS + 1)))
     if len(edges) < 3:
         edges = np.unique(covariate)
-    return pd.Series(np.clip(np.digitize(covariate, edges[1:-1]), 0, None), index=covariate.index)
+    return pd.Series(np.digitize(covariate, edges[1:-1]), index=covariate.index)
 
 
 def _share(gap, bins, train):
