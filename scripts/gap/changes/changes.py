@@ -19,7 +19,7 @@ from gap.changes.permutation import MAX_DIRECTIONS, Moments, labellings, p_value
 from gap.changes.power import TRIED, least_seen
 from gap.fit.evidence import start_step
 from gap.fit.parameters import fitted_parameters, image_step, spec
-from gap.fit.residuals import NU, flatten, rho
+from gap.fit.residuals import flatten, rho
 from gap.fit.solver import Solver
 from gap.fit.split import thinned
 from gap.observables import corners_in
@@ -329,7 +329,7 @@ def explains_alike(other, best):
 
 def p_of_scatter(twin, labels):
     """Return the p, by permuted captures, of residuals being larger in one set than in the other."""
-    size = np.array([np.log(np.mean(rho(flatten(g), NU)) + 1e-9) for g in twin.groups.values()])
+    size = np.array([np.log(np.mean(rho(flatten(g))) + 1e-9) for g in twin.groups.values()])
     ones = labels.mean(1, keepdims=True)
     difference = np.abs((labels / ones - (1 - labels) / (1 - ones)) @ size)
     return float((difference >= difference[0] - 1e-9).mean())
