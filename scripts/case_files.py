@@ -32,17 +32,7 @@ from rig.patches import CHECKERED, board_patches
 
 PATCHES = 6  # of a photograph, that its signature is measured in
 SIGMA_OWN = 1.0  # of a capture's own exposure, gains and slopes of light (1/m) about their null
-OBSERVED = (
-    "features",
-    "information",
-    "measured",
-    "colour",
-    "field",
-    "field_n",
-    "noise",
-    "noise_se",
-    "regions",
-)
+OBSERVED = ("features", "information", "measured", "colour", "field", "field_n", "noise", "noise_se", "regions")
 
 
 def load_case(expand, register_json, camera):
@@ -160,7 +150,7 @@ def load_patches(expand, register_json, camera, patches, points, twin, declared)
     """
     drawn = load_photographs(expand, register_json, camera)
     with np.load(patches) as stored:
-        arrays = {name: stored[name] for name in ("plates", "features", "signs", "lights", "channels")}
+        arrays = dict(stored)
     showing = ((arrays["plates"] >= 0).sum(1) >= MIN_PATCHES) & np.isfinite(arrays["lights"]).all(1)
     chosen = usable(np.flatnonzero(showing), points)  # others have no pose
     if len(chosen) < MIN_PHOTOGRAPHS:
@@ -217,14 +207,14 @@ def join_observations(paths, file):
     parts = []
     for path in paths:
         with np.load(path) as stored:
-            parts.append({name: stored[name] for name in stored.files})
+            parts.append(dict(stored))
     np.savez_compressed(file, **{name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
 
 
 def load_observations(path, case):
     """Put what ``save_observations`` wrote back into the case's captures."""
     with np.load(path) as stored:
-        arrays = {name: stored[name] for name in (*OBSERVED, "noise_variance", "starts")}
+        arrays = dict(stored)
     for i, capture in enumerate(case.captures):
         values = {name: arrays[name][i] for name in OBSERVED}
         capture.observation = Observation(**values)
