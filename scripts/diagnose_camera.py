@@ -219,17 +219,18 @@ def with_cells(result, rows, base, outcome, not_looked_at, look):
     base and outcome are of the points, ``not_looked_at`` {effect: why} what these do not show; ``look`` looks at the cells
     (diagnose_patches.look_at_patches).
     """
+    unseen = {n: why for n, why in not_looked_at.items() if library.is_pure_geometry(n)}
     try:
         search, own, tried, closer, hidden = look()
     except ValueError as why:
-        return result | {"not_looked_at": dict.fromkeys(not_looked_at, str(why)) | result["not_looked_at"]}, rows
+        of_cells = {n: str(why) for n in not_looked_at if n not in unseen}
+        return result | {"not_looked_at": result["not_looked_at"] | of_cells}, rows
     gaps = gaps_on_the_way(base, outcome, own, closer)
     steps = [step.effect for step in closer.steps]
     rows = rows_of_both(rows, f"{result['campaign']}/{result['camera']}", steps, gaps)
     of_cells = verdict_record(own, tried, closer)
     of_cells |= telling_record(of_cells["steps"], *cells_cannot_tell(search, closer.twin, closer.steps))
     result = both_looks(result, of_cells, gaps)
-    unseen = {n: why for n, why in not_looked_at.items() if library.is_pure_geometry(n)}
     return result | {"not_looked_at": hidden | unseen}, rows
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from bench_turned_boards import steps_of
 from describe_files import describe_files
-from diagnose_camera import diagnose_camera
+from diagnose_camera import ONLY_POINTS, diagnose_camera, with_cells
 from effects import library
 from expand_tables import expand_tables
 from observe_patches import observe_patches
@@ -33,6 +33,23 @@ def verdict_on(campaign, folder, candidates=None, cells=False):
         describe_files(expand / "captures.csv", campaign, camera, of_cells[1])
     diagnose_camera(*measured, *of_cells, [], [], candidates, 60_000, 1, [], [], folder / "kept", *out)
     return json.loads(out[0].read_text()), pd.read_csv(out[1]), pd.read_parquet(folder / "plates.parquet")
+
+
+def test_what_too_few_cells_do_not_show_is_said_so():
+    """Fails if effects that cells would show keep the reason why points do not, or a move of points gets theirs."""
+
+    def look():
+        raise ValueError("too few photographs show the board's cells")
+
+    of_points = dict.fromkeys(("vignetting", "rail_sag"), ONLY_POINTS)
+    result, rows = {"not_looked_at": of_points | {"focal_length": "in the twin already"}}, [{"step": 0}]
+    told, same = with_cells(result, rows, None, None, of_points, look)
+    assert told["not_looked_at"] == {
+        "vignetting": "too few photographs show the board's cells",
+        "rail_sag": ONLY_POINTS,
+        "focal_length": "in the twin already",
+    }
+    assert same is rows
 
 
 def test_the_lens_is_named_before_any_flexible_warp(tmp_path):
