@@ -22,6 +22,7 @@ from gap.boards.board import (
     without_alternation,
     without_pixel_locking,
 )
+from gap.boards.needs import cannot_tell
 from gap.boards.whole_lens import left_out_px, whole_lens_record, with_whole_lens
 from gap.bounds import LITTLE
 from gap.fit.derivatives import flat
@@ -112,6 +113,17 @@ def test_a_step_that_closes_a_fifth_of_the_gap_and_leaves_it_open_gets_no_name(m
         monkeypatch.setattr(module, "is_missing_from", as_patches)
     _, _, _, patched = verdict(problem, candidates=["rolling_shutter"])
     assert [s.effect for s in patched.steps] == ["rolling_shutter"] and 0.6 < patched.share_left < 0.9
+
+
+@pytest.mark.parametrize("knows_intrinsics", [True, False])
+def test_where_none_may_compete_none_is_named(knows_intrinsics):
+    """Fails if all effects compete where a user wants none that points show, or what cannot be told raises where nothing is
+    fitted.
+    """
+    lens = [("radial_distortion", {"k1": -0.2, "k2": 0.0, "k3": 0.0})]
+    search, _, first, outcome = verdict(problem_of(*photographs(lens), knows_intrinsics), candidates=[])
+    assert (first, outcome.steps, outcome.verdict) == ([], (), "unexplained")
+    assert cannot_tell(search, outcome.twin, []) == ([], {}, [])
 
 
 def test_what_lies_within_the_floor_has_no_name(monkeypatch):

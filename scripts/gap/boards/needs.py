@@ -84,7 +84,8 @@ class OfPoints:
             J.append(slope(*(pixels(with_parameters(effects, [f], [value + s * h]), pose) for s in (1, -1)), h))
         for step in np.diag(POSE_STEP):
             Jp.append(slope(pixels(effects, pose + step), pixels(effects, pose - step), step.max()))
-        return np.stack(J, axis=1), np.stack(Jp, axis=1)
+        Jp = np.stack(Jp, axis=1)
+        return np.stack(J, axis=1) if J else np.zeros((len(Jp), 0)), Jp
 
     def further(self, instruction, _):
         """Return (photographs that nobody has taken, how many times each counts), like some of those that there are but for what

@@ -49,7 +49,8 @@ class Search:
         self.train = thinned(usable(train, problem), problem.most_captures)
         self.test = thinned(usable(test, problem), problem.most_held_out)
         self.solver = problem.solver(probes(self.train) + probes(self.test), threads)
-        self.candidates = [n for n in candidates or library.available_effects() if may_have(problem, n)]
+        candidates = library.available_effects() if candidates is None else candidates
+        self.candidates = [n for n in candidates if may_have(problem, n)]
         self.fixed = frozenset(fixed)
         self._of_starts, self._prepared = {}, (None, None, None)
 
