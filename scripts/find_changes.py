@@ -19,7 +19,7 @@ from change_pictures import arrows_on, squares_of
 from effects import library
 from gap.bounds import MAX_P
 from gap.fit.score import floors_of, gap_error, group_gaps, overall_gap, root_mean_square
-from gap.signatures.signature_changes import can_be_laid_on
+from gap.signatures.signature_changes import competing
 from photograph_changes import PhotographSet, what_changed
 from rig.errors import InputError
 
@@ -200,7 +200,8 @@ def not_compared(what, reasons):
     """Return {effect: why it was not compared}, of reasons why one set alone does not show them."""
     if what.why_points_alone:
         return {name: what.why_points_alone for name in reasons}
-    return {name: why for name, why in reasons.items() if not can_be_laid_on(name)}
+    compared = competing(what.photographs, reasons)
+    return {name: why for name, why in reasons.items() if name not in compared}
 
 
 def parameters_of(effect, twin):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import photograph_changes
-from find_changes import amounts_seen, changes_record
-from photograph_changes import by_one_finder, pixels_of, what_changed
+from find_changes import amounts_seen, changes_record, not_compared
+from photograph_changes import WhatChanged, by_one_finder, pixels_of, what_changed
 from register.boards import MIN_POINTS
 from register.finders import SECTORS, USUAL
 from trials.diagnose_trial import photograph_sets
@@ -118,3 +118,12 @@ def test_grey_photographs_have_one_channel():
     grey = np.repeat(np.arange(12.0).reshape(3, 4, 1), 3, axis=2)
     assert pixels_of(grey).shape == (3, 4, 1)
     assert pixels_of(grey + [0, 0, 1]).shape == (3, 4, 3)
+
+
+@pytest.mark.parametrize(("channels", "silent"), [(3, {"lens_blur", "colour_balance"}), (1, {"lens_blur"})])
+def test_what_photographs_without_colours_cannot_show_is_said(channels, silent):
+    """Fails if an effect of colours, in grey photographs never compared, is neither looked at nor said not to be."""
+    of_set = [SimpleNamespace(image=np.zeros((8, 8, channels)))]
+    reasons = dict.fromkeys(("lens_blur", "colour_balance", "rail_sag"), "one set alone does not show it")
+    what = WhatChanged(None, (), photographs=(of_set, of_set))
+    assert reasons.keys() - not_compared(what, reasons).keys() == silent
