@@ -15,6 +15,7 @@ from effects.base import Scene, View
 from expand_tables import expand_tables
 from gap.boards import whole_lens
 from gap.boards.board import (
+    USUAL_NOISE_PX,
     board_case,
     local_noise_px,
     scales_alone,
@@ -200,6 +201,15 @@ def test_the_floor_is_the_noise_whatever_the_lens(calibrated, tmp_path):
     _, pixels = photographs(hidden, number=60)
     found = local_noise_px(POINTS, without_lens(pixels, tmp_path / "r.json"))
     assert found == pytest.approx(NOISE_PX, rel=0.06)
+
+
+def test_one_row_of_a_wide_board_tells_nothing_of_noise():
+    """Fails if a photograph that shows one line of points alone ends all with OpenCV's error, or changes what others tell."""
+    points = np.array([[x, y, 0.0] for y in range(4) for x in range(24)]) * 0.02
+    seen = points[:, :2] * 5000 + 0.1 * np.random.default_rng(7).standard_normal((len(points), 2))
+    one_row = np.where(np.arange(len(points))[:, None] < 24, seen, np.nan)
+    assert local_noise_px(points, np.stack([seen, one_row])) == local_noise_px(points, seen[None])
+    assert local_noise_px(points, one_row[None]) == USUAL_NOISE_PX
 
 
 SIGN = np.where(np.indices((6, 9)).sum(0).ravel() % 2, 1, -1)[:, None]

@@ -161,8 +161,8 @@ def _about_smooth_maps(points, pixels):
     """
     for k, xy in enumerate(pixels):
         seen = np.isfinite(xy).all(1)
-        if seen.sum() >= FEWEST_POINTS:
-            H, _ = cv2.findHomography(points[seen, :2], xy[seen])
+        H = cv2.findHomography(points[seen, :2], xy[seen])[0] if seen.sum() >= FEWEST_POINTS else None
+        if H is not None:  # there is none of points on one line
             mapped = cv2.perspectiveTransform(points[None, seen, :2], H)[0]
             terms = polynomial_terms((mapped - mapped.mean(0)) / max(mapped.std(), 1e-9), 3)
             yield k, seen, xy[seen] - terms @ np.linalg.lstsq(terms, xy[seen], rcond=None)[0], terms.shape[1]
