@@ -26,7 +26,7 @@ from register.boards import MIN_POINTS
 from register.calibration import NAMES, matrix_of
 from register.registration import NO_PRIOR, pose_from_plane, prior_of
 from rig.errors import InputError
-from rig.geometry import camera_matrix, make_pose, perturb_pose
+from rig.geometry import N_POSE, camera_matrix, make_pose, perturb_pose
 from rig.light import free_numbers
 from rig.patches import CHECKERED, board_patches
 
@@ -160,7 +160,7 @@ def load_patches(expand, register_json, camera, patches, points, twin, declared)
     captures, twins = [], []
     for i in chosen:
         theirs = points.captures[i].view
-        view = replace(theirs, T_cam_world=perturb_pose(theirs.T_cam_world, twin.poses[i]))
+        view = replace(theirs, T_cam_world=perturb_pose(theirs.T_cam_world, twin.poses[i, :N_POSE]))
         kept = arrays["plates"][i] >= 0
         plates, features = arrays["plates"][i][kept], arrays["features"][i][kept]
         captures.append(Capture(view, points.captures[i].trial, seen_patches(len(drawn.patches), plates, features)))

@@ -41,6 +41,7 @@ from imports import imports_of
 from inputs import tables
 from job import seed_of
 from outcome_store import OutcomeStore
+from rig.geometry import N_POSE
 
 log = logging.getLogger("twingap")
 MAX_PLACES, MAX_LEFT = 8, 5
@@ -153,7 +154,7 @@ def diagnose_camera(
         return _write_undiagnosed(
             json.loads((expand / "scene.json").read_text()), camera, str(why), out, out_ladder, out_gaps
         )
-    twin = outcome.twin
+    case, twin = search.problem, outcome.twin
     everything = sorted(search.train + search.test)
     before, after = (tables_of(search.solver, t, everything) for t in (base, twin))
     train = [case.captures[i].view.capture for i in search.train]
@@ -179,6 +180,7 @@ def diagnose_camera(
         result["floor"] = {"corners_px": case.noise_px} | twin.floors
         result |= telling_record(result["steps"], *cannot_tell(search, twin, competing))
         result["whole_lens"] = whole_lens_record(search, twin)
+        result |= motion_record(case)
     store.drop_unused()
     if patches:
         facts = camera, sorted(fixed), twin.effects, twin.poses.tobytes()
@@ -204,6 +206,13 @@ def own_record(case, twin, indices):
     """Return {"effect parameter": {capture: value}} of the captures' own numbers, where the campaign leaves them open."""
     seen = {case.captures[i].view.capture: dict(case.seen_with(twin.effects, twin.poses[i])) for i in indices}
     return {f"{name} {key}": {c: effects[name][key] for c, effects in seen.items()} for name, key in case.own}
+
+
+def motion_record(case):
+    """Return what the result file says of how a BoardCase's photographs move while they are read; {} where they do not."""
+    if case.gap_at_rest is None:
+        return {}
+    return {"motion": {"usual_turn_rad": float(case.sigma_pose[N_POSE]), "gap_at_rest": case.gap_at_rest}}
 
 
 def telling_record(steps, hidden, alike, needs):

@@ -69,6 +69,7 @@ class Case:
     sigma_pose: np.ndarray
     own: tuple = ()
     nuisances: tuple = ()
+    moving_numbers = N_POSE  # of a capture's pose and own numbers: the first, which move its corners
     corner_numbers = 8  # of a plate: x and y of its code's corners, the first of its states and features
     state_features = STATE_FEATURES
     most_captures = most_held_out = MAX_CAPTURES  # that are fitted, that are held out
@@ -103,6 +104,13 @@ class Case:
     def floors_of(self, groups):
         """Return {group: floor} of captures' residual groups: how far repeats lie apart."""
         return floors_of(self, groups)
+
+    def with_more_open(self, search, twin):
+        """Return the Case in which each capture has more of its own, where what a Search's Twin leaves is likelier so, or None.
+
+        What captures of a rig have is declared.
+        """
+        return None
 
     # -- geometry ---------------------------------------------------------------------------------------------
 

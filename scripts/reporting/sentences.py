@@ -110,8 +110,8 @@ def verdict_words(diagnosis):
     confused = sorted({plain(name) for step in steps for name in step.get("confused_with", []) if "one_of" not in step})
     if confused:
         words += f" These captures cannot tell it apart from {listed(confused)}."
-    words += station_words(diagnosis) + whole_lens_words(diagnosis) + own_words(diagnosis) + needs_words(diagnosis)
-    return words + not_looked_at_words(diagnosis)
+    words += station_words(diagnosis) + whole_lens_words(diagnosis) + own_words(diagnosis) + motion_words(diagnosis)
+    return words + needs_words(diagnosis) + not_looked_at_words(diagnosis)
 
 
 def whole_lens_words(diagnosis):
@@ -209,6 +209,18 @@ def own_words(diagnosis):
     own = diagnosis.get("own", {})
     ranges = [f"{plain(name)} {min(v.values()):.3g} to {max(v.values()):.3g}" for name, v in own.items()]
     return f" Each capture has its own {listed(ranges)}." if ranges else ""
+
+
+def motion_words(diagnosis):
+    """Return that photographs moved while they were read, a sentence with a space before it; none of photographs at rest."""
+    motion = diagnosis.get("motion")
+    if not motion:
+        return ""
+    return (
+        " Its rows are read one after the other, and each photograph moved meanwhile in its own way, as in a hand: that is fitted"
+        f" in each and names no effect; at rest, points would stay {motion['gap_at_rest']:.2f} floors off. Camera and board on"
+        " something firm, or more light, would do away with it."
+    )
 
 
 def not_looked_at_words(diagnosis):

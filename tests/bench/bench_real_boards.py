@@ -43,7 +43,7 @@ from record import commit_of, record  # noqa: E402
 from register_captures import register_captures  # noqa: E402
 from reporting.sentences import effect_words, or_others, plain  # noqa: E402
 from rig.errors import InputError  # noqa: E402
-from rig.geometry import perturb_pose  # noqa: E402
+from rig.geometry import N_POSE, perturb_pose  # noqa: E402
 from rig.light import free_numbers, in_own_light  # noqa: E402
 from told_apart import auc, patches_of  # noqa: E402
 
@@ -269,7 +269,7 @@ class Drawn:
 
 def moved_pose(case, i, twin):
     """Return T_cam_world of photograph i in a Twin."""
-    return perturb_pose(case.captures[i].view.T_cam_world, twin.poses[i])
+    return perturb_pose(case.captures[i].view.T_cam_world, twin.poses[i, :N_POSE])
 
 
 def closest_twin(drawn, capture, effects):

@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
+import test_board
+from test_board import problem_of
 from test_changes import FOCAL_PX, NOISE_PX, POINTS, SIZE, compared, names, photographs
 
 from gap.boards.readout_motion import with_motion
+from gap.select.select_effects import verdict
 from rig.geometry import camera_matrix, make_pose, perturb_pose, transform
 
 TURN_RAD = 0.01  # standard deviation, from the first row to the last: 6 px
@@ -88,3 +91,51 @@ def test_still_photographs_hardly_move():
     problem, made = equations(0.0)
     moved = with_motion(problem, made, 1e6)
     assert moved is None or max(np.abs(Jp[:96, 6]).max() for _, _, Jp in moved.values()) < 2e-4 * FOCAL_PX / NOISE_PX
+
+
+def diagnosed(problem):
+    """Return (Search, Outcome) of a BoardCase, three effects of the lens competing."""
+    search, _, _, outcome = verdict(
+        problem, candidates=["radial_distortion", "tangential_distortion", "principal_point"]
+    )
+    return search, outcome
+
+
+@pytest.mark.parametrize(("p1", "named"), [(0.0, []), (0.01, ["tangential_distortion"])])
+def test_a_lens_is_named_though_a_hand_moves_each_photograph(p1, named):
+    """Fails if motion that is another in each photograph leaves the twin unexplained, hides a lens or is taken for one; or if
+    photographs are said to move far less or more than they do.
+    """
+    search, outcome = diagnosed(by_hand(photographs(3, 16, k1=0.0), 3, turn_rad=0.03, p1=p1))
+    assert outcome.verdict == ("explained" if named else "adequate")
+    assert [step.effect for step in outcome.steps] == named
+    assert outcome.twin.gap < 1.15 < 3 < search.problem.gap_at_rest
+    assert 0.4 < search.problem.sigma_pose[6] / 0.03 < 1.2  # turns alone were drawn, half of what is free
+
+
+@pytest.mark.parametrize("bend_px", [0.0, 0.8])
+def test_what_a_hand_does_not_explain_is_none_of_its_doing(bend_px):
+    """Fails if photographs at rest are said to move, or if another smooth move of each, as of paper, passes for that."""
+    search, outcome = diagnosed(problem_of(*test_board.photographs(bend_px=bend_px)))
+    assert outcome.verdict == ("unexplained" if bend_px else "adequate")
+    assert search.problem.gap_at_rest is None and outcome.twin.poses.shape[1] == 6
+
+
+def test_points_move_with_their_rows():
+    """Fails if points move otherwise than a camera that turns evenly shows them, rows by rows, or than derivatives say."""
+    still = photographs(2, 1, k1=-0.1)
+    exact = by_hand(still, 1)
+    turn = np.random.default_rng([1, 7]).normal(0, TURN_RAD, 3)
+    moving = replace(still, sigma_pose=np.append(still.sigma_pose, np.ones(6)))
+    (capture,), pose = exact.captures, np.concatenate([np.zeros(6), turn, np.zeros(3)])
+    shown = moving.corners_of(capture, [], pose)[:, 0]
+    off = shown - capture.observation.features
+    assert (
+        np.sqrt((off**2).mean()) < 1.3 * NOISE_PX < np.abs(shown - still.corners_of(capture, [], pose[:6])[:, 0]).max()
+    )
+    found = moving.corners_by_pose(capture, [], pose)
+    steps = 1e-5 * np.eye(12)
+    by_steps = [
+        (moving.corners_of(capture, [], pose + s) - moving.corners_of(capture, [], pose - s)) / 2e-5 for s in steps
+    ]
+    assert np.allclose(found, np.stack(by_steps, axis=-1), atol=0.03 * np.abs(found).max())

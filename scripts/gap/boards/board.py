@@ -4,17 +4,20 @@ What the points show is told by exact maps, so nothing is drawn; only effects th
 repeats the floor is what is left about smooth maps.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
 from effects import library, pipeline
 from effects.base import View
+from gap.boards.readout_motion import distance_m, usual_turn_rad, when_read
+from gap.boards.whole_lens import with_whole_lens
+from gap.fit.residuals import NU, flatten, robust_scale_of
 from gap.measure.capture import Observation
 from gap.predict.predictor import Prediction
 from gap.problem import Capture, Case
-from rig.geometry import camera_matrix, make_pose
+from rig.geometry import N_POSE, camera_matrix, make_pose
 
 FEWEST_POINTS = 24  # of a view whose noise can be told
 USUAL_NOISE_PX, SMALLEST_NOISE_PX = 0.2, 0.02  # where no view has enough points; what no finder is better than
@@ -35,6 +38,7 @@ class BoardCase(Case):
 
     points: np.ndarray = None
     noise_px: float = None  # standard deviation of a point's x and y: the floor
+    gap_at_rest: float = None  # floors, left where no photograph moves while it is read; None where none does
     is_board = True
     corner_numbers = 2
     state_features = np.arange(2)
@@ -58,6 +62,44 @@ class BoardCase(Case):
     def predictor(self, noise_of=()):
         """Return what predicts the photographs; there is no noise to compare."""
         return PointPredictor(self)
+
+    @property
+    def moving_numbers(self):
+        """How many numbers a photograph has for itself: its pose, and how that moves while rows are read, where it may."""
+        return len(self.sigma_pose)
+
+    def with_more_open(self, search, twin):
+        """Return the BoardCase whose photographs move while they are read, each otherwise; None where none does."""
+        whole, train = with_whole_lens(search, twin), search.train
+        groups = search.solver.residuals_of(whole.effects, whole.poses, train)
+        derivatives = search.solver.derivatives(whole.effects, [], whole.poses, train)
+        equations = {i: (flatten(groups[i]), *derivatives[i]) for i in train}
+        turn_rad = usual_turn_rad(self, equations, NU * robust_scale_of(groups) ** 2)
+        if not turn_rad:
+            return None
+        away_m = np.median([distance_m(self, capture) for capture in self.captures])
+        sigma_motion = turn_rad * np.repeat([1.0, away_m], 3)
+        return replace(self, sigma_pose=np.append(self.sigma_pose, sigma_motion), gap_at_rest=twin.gap)
+
+    def corners_at(self, capture, effects, deltas, points=None):
+        """Return the pixels [(p, k, 2)] of ``corners_of`` at several poses [(6,)], or [(12,)] that go on by the last six numbers
+        from the first row to the last.
+        """
+        at = super().corners_at
+        if self.moving_numbers == N_POSE:
+            return at(capture, effects, deltas, points)
+        poses, moves = np.split(np.array(deltas), 2, axis=1)
+        here, first, last = (at(capture, effects, list(poses + s * moves), points) for s in (0.0, -0.5, 0.5))
+        when = [when_read(pixels[..., 1:], capture.view.height) for pixels in here]
+        return [h + w * (b - a) for h, w, a, b in zip(here, when, first, last, strict=True)]
+
+    def corners_by_pose(self, capture, effects, delta):
+        """Return d ``corners_of`` (p, 1, 2, 6 or 12) / d pose."""
+        moves = super().corners_by_pose(capture, effects, delta)
+        if self.moving_numbers == N_POSE:
+            return moves
+        rows = self.corners_of(capture, effects, delta)[..., 1]
+        return np.concatenate([moves, when_read(rows, capture.view.height)[..., None, None] * moves], axis=-1)
 
 
 class PointPredictor:

@@ -12,7 +12,7 @@ import numpy as np
 from effects import library
 from gap.boards.instructions import FURTHER, MORE, PLACES, TURNS
 from gap.bounds import CERTAIN, MIN_GAIN
-from gap.fit.derivatives import POSE_STEP, flat
+from gap.fit.derivatives import differences, flat, steps_from
 from gap.fit.parameters import fitted_parameters, get_parameter, priors_of, small_step, spec, with_parameters
 from gap.fit.split import thinned
 from gap.select.exchange import as_good_instead
@@ -64,7 +64,7 @@ class OfPoints:
         self.photographs = [(self.problem.captures[i], twin.poses[i]) for i in of_search]
 
     def derivatives(self, effects, free, photograph):
-        """Return d points by the free parameters (n, k) and by the pose (n, 6), over the noise, of the points that one shows."""
+        """Return d points by the free parameters (n, k) and by the pose (n, 6 or more), over the noise, of points shown."""
         capture, pose = photograph
 
         def pixels(effects, delta):
@@ -78,13 +78,12 @@ class OfPoints:
         seen = (np.isfinite(here) & (here > 0) & (here < [view.width - 1, view.height - 1])).all(1)
         if capture.observation is not None:
             seen &= capture.observation.measured
-        J, Jp = [], []
+        J = []
         for f in free:
             h, value = small_step(f), get_parameter(effects, f)
             J.append(slope(*(pixels(with_parameters(effects, [f], [value + s * h]), pose) for s in (1, -1)), h))
-        for step in np.diag(POSE_STEP):
-            Jp.append(slope(pixels(effects, pose + step), pixels(effects, pose - step), step.max()))
-        Jp = np.stack(Jp, axis=1)
+        by_pose = differences([pixels(effects, moved) for moved in steps_from(pose, self.problem.moving_numbers)])
+        Jp = (by_pose[seen] / self.problem.noise_px).reshape(-1, len(pose))
         return np.stack(J, axis=1) if J else np.zeros((len(Jp), 0)), Jp
 
     def further(self, instruction, _):

@@ -19,22 +19,40 @@ def with_motion(problem, equations, nu):
 
     y are residuals of a twin in which nothing moves, ``nu`` is that of their robust loss.
     """
-    motions = {i: _by_motion(problem.captures[i], problem.points, Jp) for i, (_, _, Jp) in equations.items()}
+    motions, sigma_rad = _motions(problem, equations), usual_turn_rad(problem, equations, nu)
+    return {i: _with_prior(*equations[i], motions[i] * sigma_rad) for i in equations} if sigma_rad else None
+
+
+def usual_turn_rad(problem, equations, nu):
+    """Return the standard deviation, rad, of how far photographs turn while they are read, 0.0 where none makes what is left more
+    likely; arguments as of ``with_motion``.
+    """
+    motions = _motions(problem, equations)
     left = [without_pose(y, motions[i], Jp, nu)[:2] for i, (y, _, Jp) in equations.items()]
-    sigma_rad = max(SIGMAS_RAD, key=lambda sigma: _log_likelihood(left, sigma))
-    if _log_likelihood(left, sigma_rad) <= 0:
-        return None
-    return {i: _with_prior(*equations[i], motions[i] * sigma_rad) for i in equations}
+    best = max(SIGMAS_RAD, key=lambda sigma: _log_likelihood(left, sigma))
+    return float(best) if _log_likelihood(left, best) > 0 else 0.0
 
 
-def _by_motion(capture, points, Jp):
-    """Return d (twin, whitened) / d motion (n, 6) of a capture of points (p, 3): turns, rad; steps, shares of the distance."""
-    seen = capture.observation.features[capture.observation.measured]
-    when = (seen[:, 1] + 0.5) / capture.view.height - 0.5  # from -0.5, the first row, to 0.5
-    away_m = transform(capture.view.T_cam_world, points.mean(axis=0))[2]
+def when_read(rows, height):
+    """Return when rows, pixels, of an image are read: from -0.5, the first row, to 0.5."""
+    return (rows + 0.5) / height - 0.5
+
+
+def distance_m(problem, capture):
+    """Return how far a board is away in a capture at its nominal pose."""
+    return transform(capture.view.T_cam_world, problem.points.mean(axis=0))[2]
+
+
+def _motions(problem, equations):
+    return {i: _by_motion(problem, problem.captures[i], Jp) for i, (_, _, Jp) in equations.items()}
+
+
+def _by_motion(problem, capture, Jp):
+    """Return d (twin, whitened) / d motion (n, 6) of a capture: turns, rad; steps, shares of the distance."""
+    when = when_read(capture.observation.features[capture.observation.measured][:, 1], capture.view.height)
     of_rows = np.zeros(len(Jp))  # the pose's prior comes last
     of_rows[: 2 * len(when)] = np.repeat(when, 2)
-    return of_rows[:, None] * Jp[:, :N_POSE] * np.repeat([1.0, away_m], 3)
+    return of_rows[:, None] * Jp[:, :N_POSE] * np.repeat([1.0, distance_m(problem, capture)], 3)
 
 
 def _log_likelihood(left, sigma):

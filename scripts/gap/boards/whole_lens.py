@@ -12,6 +12,7 @@ from scipy.optimize import least_squares
 from effects import library
 from gap.bounds import MAX_PARAMETERS
 from gap.select.search import Search
+from rig.geometry import N_POSE
 
 MAX_FITS = 3  # of a lens that does not come to rest in one
 WIDER = 2.0  # times what is left of points: least squares, as a calibration's, for all but corners that are wrong
@@ -52,14 +53,15 @@ def left_out_px(search, twin):
 
 
 def _off_px(problem, i, effects, pose):
-    """Return by how much the points (n, 2) that capture i shows lie off, its pose (6,) fitted from a first one."""
+    """Return by how much the points (n, 2) that capture i shows lie off, its pose fitted from a first one (6 or 12,)."""
     capture = problem.captures[i]
     seen, shown = capture.observation.measured, capture.observation.features
 
-    def off(pose):
-        return (shown - problem.corners_of(capture, effects, pose)[:, 0])[seen].ravel()
+    def off(moved):
+        there = problem.corners_of(capture, effects, np.append(moved, pose[N_POSE:]))[:, 0]
+        return (shown - there)[seen].ravel()
 
-    return off(least_squares(off, pose, x_scale="jac").x).reshape(-1, 2)
+    return off(least_squares(off, pose[:N_POSE], x_scale="jac").x).reshape(-1, 2)
 
 
 def whole_lens_record(search, twin):

@@ -6,7 +6,7 @@ from effects import library
 from gap.fit.parameters import get_parameter, image_step, is_geometric, small_step, with_parameters
 from rig.geometry import N_POSE
 
-POSE_STEP = np.array([1e-5] * 3 + [1e-5] * 3)  # radians, metres
+POSE_STEP = 1e-5  # radians, metres
 LARGEST = 1e6
 FEW_COLUMNS = 5  # by images, for which plates are measured again: more are worth the plates' responses
 LONGEST_WAY = 1e4  # whitened residual beyond which a change says no more
@@ -42,7 +42,8 @@ class Derivatives:
 
     def by_pose(self, i, effects, pose):
         """Return d (twin, whitened) / d pose and own numbers (n, 6 + k) of capture i."""
-        corners = self.problem.corners_at(self.problem.captures[i], effects, steps_from(pose))
+        steps = steps_from(pose, self.problem.moving_numbers)
+        corners = self.problem.corners_at(self.problem.captures[i], effects, steps)
         J = self._whitened_states(i, effects, pose, differences([self.problem.states(c, effects) for c in corners]))
         if self.problem.own:
             J = np.hstack([J, *(self._by_own(i, effects, pose, k)[:, None] for k in range(len(self.problem.own)))])
@@ -59,9 +60,9 @@ class Derivatives:
         return np.clip(self.whiteners[i].whitened(change) / h, -LARGEST, LARGEST)
 
     def corners_by_pose(self, i, effects, pose):
-        """Return d corners / d pose (p, 8 of a plate, 6) of the plates that were measured in capture i."""
+        """Return d corners / d what moves them (p, 8 of a plate, 6 or more) of the plates that were measured in capture i."""
         moves = self.problem.corners_by_pose(self.problem.captures[i], effects, pose)[self.whiteners[i].plates]
-        return np.nan_to_num(moves.reshape(len(moves), self.problem.corner_numbers, N_POSE))
+        return np.nan_to_num(moves.reshape(len(moves), self.problem.corner_numbers, moves.shape[-1]))
 
     def corners_by_parameters(self, i, effects, free, pose):
         """Return d corners / d geometric parameters ``free`` (p, 8, k) of the plates that were measured in capture i."""
@@ -105,15 +106,15 @@ class Derivatives:
         return self.whiteners[i].whitened_features(features)
 
 
-def steps_from(pose):
-    """Return the poses [(k,)] a step on and a step back from a pose in each of its six numbers, the first of a capture's (k,)."""
-    return [pose + s * step for step in np.eye(N_POSE, len(pose)) * POSE_STEP[:, None] for s in (1, -1)]
+def steps_from(pose, numbers):
+    """Return the poses [(k,)] a step on and a step back from a pose (k,) in each of its first numbers."""
+    return [pose + s * step for step in POSE_STEP * np.eye(numbers, len(pose)) for s in (1, -1)]
 
 
 def differences(values):
-    """Return the derivatives (..., 6) by a pose of values [(...)] at the poses that ``steps_from`` it gives."""
-    pairs = zip(values[::2], values[1::2], POSE_STEP, strict=True)
-    return np.stack([(on - back) / (2 * h) for on, back, h in pairs], axis=-1)
+    """Return the derivatives (..., numbers) by a pose of values [(...)] at the poses that ``steps_from`` it gives."""
+    pairs = zip(values[::2], values[1::2], strict=True)
+    return np.stack([(on - back) / (2 * POSE_STEP) for on, back in pairs], axis=-1)
 
 
 def flat(corners):

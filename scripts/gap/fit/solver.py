@@ -131,9 +131,10 @@ class Solver:
         Jp = np.einsum("pij,pjk->pik", Li, self.derivatives_of.corners_by_pose(i, effects, pose))
         Jt = np.einsum("pij,pjk->pik", Li, self.derivatives_of.corners_by_parameters(i, effects, free, pose))
         wy = (weight * y).reshape(-1)
-        Jp, Jt = Jp.reshape(y.size, N_POSE), Jt.reshape(y.size, len(free))
+        moving = Jp.shape[-1]  # corners say nothing of a capture's own numbers
+        Jp, Jt = Jp.reshape(y.size, moving), Jt.reshape(y.size, len(free))
         wJp = weight.reshape(-1, 1) * Jp
-        prior, pose = self.prior[:N_POSE], pose[:N_POSE]  # corners say nothing of a capture's own numbers
+        prior, pose = self.prior[:moving], pose[:moving]
         A = Jp.T @ wJp + np.diag(prior + 1e-9)
         b = Jp.T @ wy - prior * pose
         C = wJp.T @ Jt

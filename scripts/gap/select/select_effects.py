@@ -43,8 +43,22 @@ def verdict(problem, effects=(), candidates=None, fixed=(), budget=BUDGET, threa
     effects  [(name, parameters)] of the twin as configured, fixed {(effect, parameter)} what the user fixed of it;
     candidates  names of the library's effects that compete, all where None; budget in predictions of one capture;
     progress  called with each effect that is added and the share of the budget that is spent; store of outcomes (kept.py).
-    Raises ValueError where ``Search.why_unusable`` has a reason.
+    Where that stays unexplained and captures may have more of their own (Case.with_more_open), it is that of the problem in which
+    they do, if most of what was left is that. Raises ValueError where ``Search.why_unusable`` has a reason.
     """
+    found = _verdict(problem, effects, candidates, fixed, budget, threads, progress, store)
+    search, _, _, outcome = found
+    further = problem.with_more_open(search, outcome.twin) if outcome.verdict == "unexplained" else None
+    if further is None:
+        return found
+    with_more = _verdict(
+        further, effects, candidates, fixed, budget, threads, progress, None
+    )  # the store is of the other problem
+    left = sum(with_more[-1].twin.excess.values())
+    return with_more if left < (1 - MOST) * sum(outcome.twin.excess.values()) else found
+
+
+def _verdict(problem, effects, candidates, fixed, budget, threads, progress, store):
     search = Search(problem, candidates, fixed, threads=threads, store=store)
     if search.why_unusable():
         raise ValueError(search.why_unusable())
