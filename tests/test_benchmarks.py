@@ -8,6 +8,7 @@ import yaml
 
 import bench_board_cells
 import bench_bounds
+import bench_hand_motion
 import bench_photographs
 import bench_real_boards
 import bench_size
@@ -183,7 +184,7 @@ def test_help_measures_nothing(monkeypatch, bench, asked, status):
     assert left.value.code == status
 
 
-@pytest.mark.parametrize("bench", [bench_photographs, bench_real_boards, bench_turned_boards])
+@pytest.mark.parametrize("bench", [bench_hand_motion, bench_photographs, bench_real_boards, bench_turned_boards])
 def test_without_photographs_nothing_is_recorded(tmp_path, monkeypatch, bench):
     """Fails if figures that stand already are recorded as of today, or a traceback is all that is said."""
     monkeypatch.setattr(bench, "REAL", tmp_path / "real")

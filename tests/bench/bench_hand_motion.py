@@ -47,8 +47,10 @@ def main(argv=None):
     """Read the command line and measure."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sets", nargs="*", metavar="SET", default=BY_HAND)
-    figures = []
-    for name in parser.parse_args(argv).sets:
+    given, words = parser.parse_args(argv), []
+    if not REAL.is_dir():
+        raise SystemExit(f"needs the photographs of {REAL}")
+    for name in given.sets:
         (camera,) = load_campaign(REAL / name).captures.camera.unique()
         with tempfile.TemporaryDirectory() as folder:
             _, case = measured_points(REAL / name, camera, Path(folder))

@@ -17,13 +17,13 @@ HERE = Path(__file__).resolve().parent
 SCRIPTS = [
     "size", "growth", "geometry", "render", "repeatability", "diagnose", "whole_cameras", "score_test", "bounds",
     "calibration", "detectors", "moving", "hard_images", "marker_types", "next_station", "board_cells", "floors",
-    "photographs", "real_boards", "turned_boards",
+    "photographs", "real_boards", "turned_boards", "hand_motion",
 ]  # fmt: skip
 BLIND_TRIALS = "blind_trials"
 TRIALS = ROOT / "results/blind_trials"
 TRIAL_COUNTS = "single: 174, pair: 60, none: 200, outside: 60, power: 87, whole: 60"
 PHOTOGRAPHS = "../shared/real"
-OF_PHOTOGRAPHS = ("photographs", "real_boards", "turned_boards")
+OF_PHOTOGRAPHS = ("photographs", "real_boards", "turned_boards", "hand_motion")
 REAL_COUNTS = f", real: 200, photographs: {PHOTOGRAPHS}"
 TRIALS_COMMAND = "snakemake --cores 2 blind_trials"
 WEAK = "0.25"  # the strength, a column of power.csv

@@ -9,7 +9,7 @@ from effects import library
 from effects.pipeline import map_points
 from gap.bounds import TWICE
 from gap.observables import SIGNS
-from gap.signatures.signature import OF_CODEC, Photograph
+from gap.signatures.signature import OF_CODEC, TURNS, Photograph, _fineness
 from gap.signatures.signature_changes import (
     Layer,
     candidates_of,
@@ -281,6 +281,15 @@ def test_noise_is_no_sharpness(before):
     after, plain = (before[0].signature(laid, np.random.default_rng(0)) for laid in ([noise], []))
     change = dict(zip(SIGNS, after - plain, strict=True))
     assert change["noise_black"] > 1 and max(abs(change[name]) for name in ("fine_x", "fine_y", "fine_turn")) < 0.06
+
+
+@pytest.mark.parametrize("step", [(1, 0), (0, 1), *TURNS])
+def test_a_patch_too_small_for_a_sign_takes_it_from_none(step):
+    """Fails if one small patch of a photograph hides how sharp all others are, or none but small ones tell."""
+    levels = np.random.default_rng(0).normal(100.0, 20.0, (24, 24))
+    enough = _fineness([levels], step, 1.0)
+    assert np.isfinite(enough) and _fineness([levels, levels[:4, :4]], step, 1.0) == enough
+    assert np.isnan(_fineness([levels[:4, :4]], step, 1.0))
 
 
 def test_a_lens_that_got_sharper_made_no_noise(before):

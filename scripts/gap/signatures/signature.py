@@ -306,12 +306,11 @@ def _fineness(cores, step, noise):
     It is the less the wider edges are: from 1 / ``FAR`` of sharp ones to its square.
     """
     squares = np.zeros((2, 2))
-    for levels in cores:
+    farthest = FAR * np.abs(step[::-1])
+    for levels in (core for core in cores if (core.shape > farthest).all()):
+        rows, columns = levels.shape
         for k, times in enumerate((NEAR, FAR)):
             x, y = abs(step[0]) * times, step[1] * times
-            rows, columns = levels.shape
-            if x >= columns or y >= rows:
-                return np.nan
             first, second = levels[: rows - y, : columns - x], levels[y:, x:]
             if step[0] < 0:
                 first, second = levels[: rows - y, x:], levels[y:, : columns - x]
