@@ -61,11 +61,9 @@ def main(argv=None):
             continue
         still = replace(moving, sigma_pose=moving.sigma_pose[:N_POSE])
         off = [off_between_px(problem, outcome.twin, search.test) for problem in (still, moving)]
-        figures.append(
-            (f"{name}: points between those that tell poses", off[1], f"px off, {off[0]:.2f} without motion")
-        )
+        words.append(f"{name} {off[1]:.2f} (without motion {off[0]:.2f})")
         print(f"{name}: {off[1]:.3f} px off, {off[0]:.3f} without motion")
-    record(figures)
+    record([("photographs that moved while read: points that did not tell the pose, off", ", ".join(words), "px")])
 
 
 if __name__ == "__main__":
