@@ -105,13 +105,6 @@ class Case:
         """Return {group: floor} of captures' residual groups: how far repeats lie apart."""
         return floors_of(self, groups)
 
-    def with_more_open(self, search, twin):
-        """Return the Case in which each capture has more of its own, where what a Search's Twin leaves is likelier so, or None.
-
-        What captures of a rig have is declared.
-        """
-        return None
-
     # -- geometry ---------------------------------------------------------------------------------------------
 
     def scene_of(self, effects):

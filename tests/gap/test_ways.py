@@ -49,6 +49,13 @@ def test_a_boards_cells_are_searched_again_only_where_a_good_share_is_open(monke
     assert ways == tried
 
 
+def test_only_a_boards_points_are_asked_whether_they_moved(monkeypatch):
+    """Fails if a rig's captures or a board's cells that stay unexplained end in an error: they are not asked how they moved."""
+    found = None, None, [], SimpleNamespace(verdict="unexplained")
+    monkeypatch.setattr(select_effects, "_verdict", lambda *_: found)
+    assert select_effects.verdict(SimpleNamespace(draws=True)) is found
+
+
 @pytest.mark.parametrize(
     ("verdicts", "left", "taken"),
     [

@@ -68,8 +68,10 @@ class BoardCase(Case):
         """How many numbers a photograph has for itself: its pose, and how that moves while rows are read, where it may."""
         return len(self.sigma_pose)
 
-    def with_more_open(self, search, twin):
-        """Return the BoardCase whose photographs move while they are read, each otherwise; None where none does."""
+    def moving(self, search, twin):
+        """Return the BoardCase whose photographs move while they are read, each otherwise; None where what a Search's Twin leaves
+        is no likelier so.
+        """
         whole, train = with_whole_lens(search, twin), search.train
         groups = search.solver.residuals_of(whole.effects, whole.poses, train)
         derivatives = search.solver.derivatives(whole.effects, [], whole.poses, train)

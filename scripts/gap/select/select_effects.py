@@ -43,19 +43,20 @@ def verdict(problem, effects=(), candidates=None, fixed=(), budget=BUDGET, threa
     effects  [(name, parameters)] of the twin as configured, fixed {(effect, parameter)} what the user fixed of it;
     candidates  names of the library's effects that compete, all where None; budget in predictions of one capture;
     progress  called with each effect that is added and the share of the budget that is spent; store of outcomes (kept.py).
-    Where that stays unexplained and captures may have more of their own (Case.with_more_open), it is that of the problem in which
-    they do, if most of what was left is that. Raises ValueError where ``Search.why_unusable`` has a reason.
+    Where a board's points stay unexplained and its photographs may have moved while they were read, it is that of the problem in
+    which they did (BoardCase.moving), if most of what was left is that. Raises ValueError where ``Search.why_unusable`` has a
+    reason.
     """
     found = _verdict(problem, effects, candidates, fixed, budget, threads, progress, store)
     search, _, _, outcome = found
-    further = problem.with_more_open(search, outcome.twin) if outcome.verdict == "unexplained" else None
-    if further is None:
+    moving = problem.moving(search, outcome.twin) if outcome.verdict == "unexplained" and not problem.draws else None
+    if moving is None:
         return found
-    with_more = _verdict(
-        further, effects, candidates, fixed, budget, threads, progress, None
-    )  # the store is of the other problem
-    left = sum(with_more[-1].twin.excess.values())
-    return with_more if left < (1 - MOST) * sum(outcome.twin.excess.values()) else found
+    with_motion = _verdict(
+        moving, effects, candidates, fixed, budget, threads, progress, None
+    )  # the store is the other's
+    left = sum(with_motion[-1].twin.excess.values())
+    return with_motion if left < (1 - MOST) * sum(outcome.twin.excess.values()) else found
 
 
 def _verdict(problem, effects, candidates, fixed, budget, threads, progress, store):
