@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from tabulate import tabulate
 
-from reporting.sentences import changes_words, needs_words, or_others, residue_words
+from reporting.sentences import changes_words, motion_words, needs_words, or_others, residue_words
 from rig.words import LADDER, gap_along, plain, with_error
 
 MAX_CANDIDATES = 12
@@ -119,7 +119,7 @@ def example_figure(results, camera):
         0.5, 0.5, f"red: the twin is brighter\nblue: the real image is\nfull colour: {BRIGHTEST_DIFFERENCE_DN} grey levels",
         ha="center", va="center", fontsize=9, transform=axes[1, 0].transAxes,
     )  # fmt: skip
-    fig.suptitle(f"{camera}: does the twin look like the capture?", fontsize=11)
+    figures.head(fig, f"{camera}: does the twin look like the capture?")
     return fig
 
 
@@ -138,9 +138,9 @@ def change_figure(results, diagnosis):
         axis.set_title(fill(title, TITLE_LETTERS), fontsize=9.5)
         axis.axis("off")
     if shown.get("square"):
-        fig.suptitle("A square of the board then and now; beside it, with what has changed laid on", fontsize=11)
+        figures.head(fig, "A square of the board then and now; beside it, with what has changed laid on")
     else:
-        fig.suptitle(f"Off where the earlier camera shows it, {shown['times']:g} times as long", fontsize=11)
+        figures.head(fig, f"Off where the earlier camera shows it, {shown['times']:g} times as long")
     return fig
 
 
@@ -174,7 +174,7 @@ def words(diagnosis):
         lines.append(
             f"To tell {pair}, measure next from a height of {station['height_m']:g} m at a tilt of {station['tilt_deg']:g}°."
         )
-    return "\n\n".join(filter(None, [*lines, needs_words(diagnosis).strip()]))
+    return "\n\n".join(filter(None, [*lines, motion_words(diagnosis).strip(), needs_words(diagnosis).strip()]))
 
 
 def ladder_figure(ladder, camera):
@@ -193,7 +193,7 @@ def ladder_figure(ladder, camera):
         axis.set_ylim(0, max(1e-6, 1.15 * np.nanmax([value.max(), ladder[f"{measure}_floor"].max()])))
         axis.set_title(label, fontsize=9.5)
         axis.set_xticks(ladder.step, names, rotation=35, ha="right", fontsize=7.5)
-    fig.suptitle(f"{camera}: does the error fall to its floor (dashed)?", fontsize=11)
+    figures.head(fig, f"{camera}: does the error fall to its floor (dashed)?")
     return fig
 
 
@@ -212,7 +212,7 @@ def vectors_figure(plates, camera):
         axis.set_aspect("equal")
     if len(axes):
         axes[0].invert_yaxis()
-    fig.suptitle(f"{camera}: which way are plates off, over the image?", fontsize=11)
+    figures.head(fig, f"{camera}: which way are plates off, over the image?")
     return fig
 
 
@@ -227,7 +227,7 @@ def candidates_figure(diagnosis):
     if diagnosis.get("gap_as_configured"):
         axis.axvline(diagnosis["gap_as_configured"], color=figures.ORANGE)
     axis.set_xlabel("gap with it alone, floors (orange: without)", fontsize=8.5)
-    fig.suptitle(f"{diagnosis['camera']}: which effect alone helps most?", fontsize=11)
+    figures.head(fig, f"{diagnosis['camera']}: which effect alone helps most?")
     return fig
 
 
@@ -238,5 +238,5 @@ def where_figure(diagnosis):
     axis.barh([gap_along(r) for r in rows], [100 * r["share"] for r in rows], color=figures.GREEN)
     axis.set_xlim(0, 100)
     axis.set_xlabel("share of the gap predicted, %")
-    fig.suptitle(f"{diagnosis['camera']}: what does the gap follow?", fontsize=11)
+    figures.head(fig, f"{diagnosis['camera']}: what does the gap follow?")
     return fig

@@ -8,6 +8,7 @@ import html
 import io
 import json
 from pathlib import Path
+from textwrap import fill
 from types import SimpleNamespace
 
 import cv2
@@ -26,6 +27,7 @@ BLUE, ORANGE, GREEN, GREY = "#0072B2", "#D55E00", "#009E73", "#595959"
 FOUND, MISSED = "#00C8FF", "#FF8C00"  # bright enough on grey photographs; missed is dashed as well
 POSE = ["rx", "ry", "rz", "tx", "ty", "tz"]
 WIDTH_IN = 5.0
+LETTERS_PER_INCH = 10  # of a heading
 # Names are text, however much they look like numbers.
 NAMES = dict.fromkeys(("camera", "algorithm", "capture", "station", "dictionary", "image"), str)
 
@@ -44,6 +46,12 @@ plt.rcParams.update(
         "figure.constrained_layout.use": True,
     }
 )
+
+
+def head(figure, words, **font):
+    """Put words over a figure or a part of one, in as many lines as its width asks for."""
+    letters = int(LETTERS_PER_INCH * figure.bbox.width / figure.dpi)
+    figure.suptitle(fill(words, letters, break_on_hyphens=False), fontsize=11, **font)
 
 
 def read_run(results):

@@ -59,7 +59,7 @@ def draw_camera(figure, images, diagnosis, ladder):
     """Draw one camera on a figure: patches of capture and twins, below them the gap and the differences."""
     rows, columns = patch_of(images)
     axes = figure.subplots(2, 3)
-    figure.suptitle(headline(diagnosis), fontsize=11, fontweight="bold")
+    figures.head(figure, headline(diagnosis), fontweight="bold")
     titles = ("capture", *(("twin before", "twin after") if diagnosis["steps"] else ("twin", "twin")))
     for column, (name, title) in enumerate(zip(EXAMPLES, titles, strict=True)):
         axes[0, column].imshow(np.clip(images[name][rows, columns] / 255, 0, 1), interpolation="nearest")

@@ -6,6 +6,7 @@ from rig.light import hidden_groups
 from rig.words import LADDER, gap_along, plain, with_error
 
 MAX_TOLD = 12  # parameters of one effect that a sentence can hold
+MAX_NAMED_AGAIN = 4  # effects of an earlier sentence
 FEW_NOT_LOOKED_AT = 2
 AROUND_A_BOARD = (
     "What lies about the board is not modelled: the twin has even grey ground there, and no number is taken from it."
@@ -87,7 +88,7 @@ def effect_words(step):
 
 
 def verdict_words(diagnosis):
-    """Return what a camera's diagnosis says, in words made from its numbers."""
+    """Return what a camera's diagnosis says, in words made from its numbers: a line of what is seen, and one of what is not."""
     if diagnosis.get("why"):
         return f"nothing could be diagnosed: {diagnosis['why']}."
     if diagnosis.get("baseline"):
@@ -111,7 +112,8 @@ def verdict_words(diagnosis):
     if confused:
         words += f" These captures cannot tell it apart from {listed(confused)}."
     words += station_words(diagnosis) + whole_lens_words(diagnosis) + own_words(diagnosis) + motion_words(diagnosis)
-    return words + needs_words(diagnosis) + not_looked_at_words(diagnosis)
+    further = needs_words(diagnosis) + not_looked_at_words(diagnosis)
+    return f"{words}\n{further.strip()}" if further else words
 
 
 def whole_lens_words(diagnosis):
@@ -159,8 +161,11 @@ def needs_words(diagnosis):
         by_instruction.setdefault(instruction, []).append(what.removeprefix("to tell "))
     words += "".join(f" To tell {listed(_once(what))}: {instruction}." for instruction, what in by_instruction.items())
     told = {what for of_one in by_instruction.values() for what in of_one}
-    left = [what for what in [*hidden, *alike_words(diagnosis)] if what not in told]
-    return words + (f" None of the instructions that were tried would tell {listed(left)}." if left else "")
+    left, alike = ([what for what in some if what not in told] for some in (hidden, alike_words(diagnosis)))
+    if len(left) > MAX_NAMED_AGAIN:
+        left = ["the rest of them"]
+    of_none = listed([*left, *alike])
+    return words + (f" None of the instructions that were tried would tell {of_none}." if of_none else "")
 
 
 def _once(what):
@@ -217,9 +222,9 @@ def motion_words(diagnosis):
     if not motion:
         return ""
     return (
-        " Its rows are read one after the other, and each photograph moved meanwhile in its own way, as in a hand: that is fitted"
-        f" in each and names no effect; at rest, points would stay {motion['gap_at_rest']:.2f} floors off. Camera and board on"
-        " something firm, or more light, would do away with it."
+        " The camera reads its rows one after the other, and each photograph moved meanwhile in its own way, as in a hand: that"
+        f" is fitted in each and names no effect; at rest, points would stay {motion['gap_at_rest']:.2f} floors off. Camera and"
+        " board on something firm, or more light, would do away with it."
     )
 
 

@@ -164,7 +164,7 @@ def test_verdict_is_put_in_words_from_its_numbers():
     # photographs of a board tell of points alone: a verdict that does not say so would claim more than was looked at
     unseen = {"not_looked_at": {name: "only points are known" for name in "abc"}, "configured": []}
     said = verdict_words({"verdict": "adequate", "steps": []} | unseen)
-    assert said.endswith(" 3 effects were not looked at: only points are known.")
+    assert said.endswith("\n3 effects were not looked at: only points are known.")
     assert "looked" not in verdict_words(
         {"verdict": "adequate", "steps": []} | unseen | {"configured": [{"effect": "a"}]}
     )
