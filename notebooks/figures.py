@@ -27,7 +27,7 @@ BLUE, ORANGE, GREEN, GREY = "#0072B2", "#D55E00", "#009E73", "#595959"
 FOUND, MISSED = "#00C8FF", "#FF8C00"  # bright enough on grey photographs; missed is dashed as well
 POSE = ["rx", "ry", "rz", "tx", "ty", "tz"]
 WIDTH_IN = 5.0
-LETTERS_PER_INCH = 10  # of a heading
+LETTERS_PER_INCH = 11  # of a heading
 # Names are text, however much they look like numbers.
 NAMES = dict.fromkeys(("camera", "algorithm", "capture", "station", "dictionary", "image"), str)
 
