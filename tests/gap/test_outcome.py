@@ -10,7 +10,7 @@ from stand_in_twins import base_twin, standing_with, twin_with_gaps
 from diagnose_camera import step_records
 from effects import library
 from gap.select.outcome import Step, in_last_twin, told_apart
-from gap.select.standing import residue_of
+from gap.select.standing import groups_left, residue_of
 from gap.select.twin import Candidate
 from trials.summarise_trials import names_in
 
@@ -118,6 +118,18 @@ def test_what_captures_disagree_about_is_no_residue_if_it_is_little(gaps, is_tol
     groups = {i: twin_with_gaps(edges=gap).groups[0] for i, gap in enumerate(gaps)}
     last = replace(base_twin(), groups=groups, floors={"edges": 0.5})
     assert bool(residue_of(last, "edges", {"edges": 1e4})) == is_told
+
+
+@pytest.mark.parametrize(
+    ("gap", "first", "floor_within", "is_left"),
+    [(6.0, 6.0, 1.0, True), (6.0, 20.0, 1.0, False), (2.0, 2.0, 1.0, False), (6.0, 6.0, 6.0, False)],
+    ids=["as it was", "closed but for its form", "too little loss", "where the floor is known to a factor"],
+)
+def test_a_group_that_nothing_closed_is_left(gap, first, floor_within, is_left):
+    """Fails if a group that another effect leaves as it was passes for a form of what closed the rest, or a form for another."""
+    before = twin_with_gaps(levels=20.0, field=first)
+    left = groups_left(twin_with_gaps(levels=1.0, field=gap), before.excess, floor_within)
+    assert left == (["field"] if is_left else [])
 
 
 @pytest.mark.filterwarnings("error")

@@ -79,6 +79,21 @@ def test_a_way_that_explains_takes_the_place_of_one_that_does_not(monkeypatch, v
     assert best is outcomes[taken]
 
 
+@pytest.mark.parametrize(("field", "said"), [(4.6, "unexplained"), (1.0, "explained")])
+def test_what_is_named_explains_no_group_that_it_leaves(monkeypatch, field, said):
+    """Fails if a strong effect's name is said to explain a camera whose other fault, in a group of its own, is as it was."""
+    quiet = dict.fromkeys(("corners", "edges", "colour", "noise"), 0.5)
+    base, last = twin_with_gaps(levels=40.0, field=4.6, **quiet), twin_with_gaps(levels=1.0, field=field, **quiet)
+    step, problem = Step("exposure", last, (), (), "levels"), SimpleNamespace(floor_within=1.0)
+    explained = outcome_of(problem, [step], (), last, base.excess)
+    assert explained.verdict == "explained"
+    monkeypatch.setattr(select_effects, "_with_warps_first", lambda *_: explained)
+    monkeypatch.setattr(select_effects, "in_last_twin", lambda search, twin, steps, before: steps)
+    selection = SimpleNamespace(search=SimpleNamespace(problem=problem), is_spent=lambda: False)
+    found = select_effects.concluded(selection, base, [])
+    assert (found.verdict, [s.effect for s in found.steps]) == (said, ["exposure"])
+
+
 @pytest.mark.parametrize("there", ["lens_blur", "vignetting"])
 def test_short_fits_begin_what_a_sharpening_undoes_anew(monkeypatch, there):
     """Fails if a sharpening is fitted only beside the weak blur that stands for both, or beside a fall-off, which hides none."""

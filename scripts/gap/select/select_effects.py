@@ -29,7 +29,14 @@ from gap.select.outcome import (
     without_unneeded,
 )
 from gap.select.search import Search
-from gap.select.standing import closes_a_good_share, has_good_share, is_at_floor, is_nothing_left, is_open
+from gap.select.standing import (
+    closes_a_good_share,
+    groups_left,
+    has_good_share,
+    is_at_floor,
+    is_nothing_left,
+    is_open,
+)
 from gap.select.twin import rank
 
 MAX_TRIED = 6  # candidates that are fitted in the first step; others stay at their null
@@ -79,7 +86,8 @@ def concluded(selection, base, first):
     best = warped if warped and warped.verdict == "explained" else _concluded(selection, base, first, before)
     within_budget = not selection.is_spent()  # what follows changes no name
     told = in_last_twin(selection.search, best.twin, best.steps, before)
-    return replace(best, steps=told, within_budget=within_budget)
+    others = best.steps and groups_left(best.twin, before, selection.search.problem.floor_within)
+    return replace(best, steps=told, within_budget=within_budget, verdict="unexplained" if others else best.verdict)
 
 
 def _concluded(selection, base, first, before):

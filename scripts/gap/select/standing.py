@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gap.bounds import CLOSED, LITTLE, MAX_FLOOR_GAP, MIN_GAIN, MOST, TWICE
+from gap.bounds import CLEAR_GAIN, CLOSED, LITTLE, MAX_FLOOR_GAP, MIN_GAIN, MOST, TWICE
 from gap.fit.residuals import GROUPS
 from gap.fit.score import excess_of, gap_error, group_gaps
 
@@ -43,13 +43,26 @@ def closes_a_good_share(twin, group, before):
     return has_good_share(group, before) and not is_open(twin, group, before)
 
 
+def groups_left(twin, before, floor_within=1.0):
+    """Return the groups of observables, well above their floors, of whose first excess ``before`` {group: loss} most is left.
+
+    The form of what closed other groups leaves little of all that it changes: this is something else.
+    """
+    most = [g for g, left in twin.excess.items() if left > max(CLEAR_GAIN, MOST * before[g])]
+    return [g for g in most if is_above_floor(*_gap_of(twin, g), floor_within)]
+
+
 def residue_of(twin, group, before, floor_within=1.0):
     """Return {group: gap in floors} of a group of observables that a twin closes but leaves above the floor, {} of any other."""
+    gap, error = _gap_of(twin, group)
+    return {group: gap} if is_above_floor(gap, error, floor_within) and not is_open(twin, group, before) else {}
+
+
+def _gap_of(twin, group):
+    """Return the gap of a group of observables, in floors, and its error; (0.0, 0.0) of a pose, which is no observable."""
     of_group = {i: {group: g[group]} for i, g in twin.groups.items() if group in g}
     gap = group_gaps(of_group, twin.floors).get(group)
-    if gap is None or is_open(twin, group, before):  # a pose is no observable
-        return {}
-    return {group: gap} if is_above_floor(gap, gap_error(of_group, twin.floors), floor_within) else {}
+    return (0.0, 0.0) if gap is None else (gap, gap_error(of_group, twin.floors))
 
 
 def is_above_floor(gap, error, floor_within):
