@@ -13,7 +13,9 @@ import test_board
 from test_board import problem_of
 from test_changes import FOCAL_PX, NOISE_PX, POINTS, SIZE, compared, names, photographs
 
+from gap.boards.needs import Told
 from gap.boards.readout_motion import with_motion
+from gap.select.search import Search
 from gap.select.select_effects import verdict
 from rig.geometry import camera_matrix, make_pose, perturb_pose, transform
 
@@ -119,6 +121,19 @@ def test_what_a_hand_does_not_explain_is_none_of_its_doing(bend_px):
     search, outcome = diagnosed(problem_of(*test_board.photographs(bend_px=bend_px)))
     assert outcome.verdict == ("unexplained" if bend_px else "adequate")
     assert search.problem.gap_at_rest is None and outcome.twin.poses.shape[1] == 6
+
+
+def test_how_far_photographs_move_is_known():
+    """Fails if what photographs show of an effect is counted as if each could move by any amount: they would tell too little."""
+    search, outcome = diagnosed(by_hand(photographs(3, 16, k1=0.0), 3, p1=0.01))
+    sigma_pose = search.problem.sigma_pose
+    any_motion = replace(search.problem, sigma_pose=np.append(sigma_pose[:6], np.full(6, 10.0)))
+    known, free = (
+        Told(Search(problem, search.candidates), outcome.twin, ["rolling_shutter", "radial_distortion"])
+        for problem in (search.problem, any_motion)
+    )
+    assert known.seen("rolling_shutter") > 2 * free.seen("rolling_shutter")
+    assert known.seen("radial_distortion") > 1.1 * free.seen("radial_distortion")
 
 
 def test_points_move_with_their_rows():

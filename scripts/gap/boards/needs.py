@@ -64,7 +64,9 @@ class OfPoints:
         self.photographs = [(self.problem.captures[i], twin.poses[i]) for i in of_search]
 
     def derivatives(self, effects, free, photograph):
-        """Return d points by the free parameters (n, k) and by the pose (n, 6 or more), over the noise, of points shown."""
+        """Return d points by the free parameters (n, k) and by the pose (n, 6 or more), over the noise, of points shown;
+        priors' rows last.
+        """
         capture, pose = photograph
 
         def pixels(effects, delta):
@@ -84,7 +86,8 @@ class OfPoints:
             J.append(slope(*(pixels(with_parameters(effects, [f], [value + s * h]), pose) for s in (1, -1)), h))
         by_pose = differences([pixels(effects, moved) for moved in steps_from(pose, self.problem.moving_numbers)])
         Jp = (by_pose[seen] / self.problem.noise_px).reshape(-1, len(pose))
-        return np.stack(J, axis=1) if J else np.zeros((len(Jp), 0)), Jp
+        J = np.stack(J, axis=1) if J else np.zeros((len(Jp), 0))
+        return np.vstack([J, np.zeros((len(pose), len(free)))]), np.vstack([Jp, np.diag(1 / self.problem.sigma_pose)])
 
     def further(self, instruction, _):
         """Return (photographs that nobody has taken, how many times each counts), like some of those that there are but for what
