@@ -44,7 +44,7 @@ def closes_a_good_share(twin, group, before):
 
 
 def groups_left(twin, before, floor_within=1.0):
-    """Return the groups of observables, well above their floors, of whose first excess ``before`` {group: loss} most is left.
+    """Return the groups of observables, above their floors, of whose first excess ``before`` {group: loss} most is left.
 
     The form of what closed other groups leaves little of all that it changes: this is something else.
     """
