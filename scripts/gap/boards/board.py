@@ -11,7 +11,7 @@ import numpy as np
 
 from effects import library, pipeline
 from effects.base import View
-from gap.boards.readout_motion import distance_m, usual_turn_rad, when_read
+from gap.boards.readout_motion import by_motion, distance_m, usual_turn_rad, when_read
 from gap.boards.whole_lens import with_whole_lens
 from gap.fit.residuals import NU, flatten, robust_scale_of
 from gap.measure.capture import Observation
@@ -76,7 +76,7 @@ class BoardCase(Case):
         groups = search.solver.residuals_of(whole.effects, whole.poses, train)
         derivatives = search.solver.derivatives(whole.effects, [], whole.poses, train)
         equations = {i: (flatten(groups[i]), *derivatives[i]) for i in train}
-        turn_rad = usual_turn_rad(self, equations, NU * robust_scale_of(groups) ** 2)
+        turn_rad = usual_turn_rad(by_motion(self, equations), equations, NU * robust_scale_of(groups) ** 2)
         if not turn_rad:
             return None
         away_m = np.median([distance_m(self, capture) for capture in self.captures])

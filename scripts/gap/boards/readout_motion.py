@@ -19,15 +19,15 @@ def with_motion(problem, equations, nu):
 
     y are residuals of a twin in which nothing moves, ``nu`` is that of their robust loss.
     """
-    motions, sigma_rad = _motions(problem, equations), usual_turn_rad(problem, equations, nu)
+    motions = by_motion(problem, equations)
+    sigma_rad = usual_turn_rad(motions, equations, nu)
     return {i: _with_prior(*equations[i], motions[i] * sigma_rad) for i in equations} if sigma_rad else None
 
 
-def usual_turn_rad(problem, equations, nu):
+def usual_turn_rad(motions, equations, nu):
     """Return the standard deviation, rad, of how far photographs turn while they are read, 0.0 where none makes what is left more
-    likely; arguments as of ``with_motion``.
+    likely; motions as of ``by_motion``, the rest as of ``with_motion``.
     """
-    motions = _motions(problem, equations)
     left = [without_pose(y, motions[i], Jp, nu)[:2] for i, (y, _, Jp) in equations.items()]
     best = max(SIGMAS_RAD, key=lambda sigma: _log_likelihood(left, sigma))
     return float(best) if _log_likelihood(left, best) > 0 else 0.0
@@ -43,12 +43,12 @@ def distance_m(problem, capture):
     return transform(capture.view.T_cam_world, problem.points.mean(axis=0))[2]
 
 
-def _motions(problem, equations):
+def by_motion(problem, equations):
+    """Return {capture: d (twin, whitened) / d motion (n, 6)}: turns, rad; steps, shares of the distance."""
     return {i: _by_motion(problem, problem.captures[i], Jp) for i, (_, _, Jp) in equations.items()}
 
 
 def _by_motion(problem, capture, Jp):
-    """Return d (twin, whitened) / d motion (n, 6) of a capture: turns, rad; steps, shares of the distance."""
     when = when_read(capture.observation.features[capture.observation.measured][:, 1], capture.view.height)
     of_rows = np.zeros(len(Jp))  # the pose's prior comes last
     of_rows[: 2 * len(when)] = np.repeat(when, 2)

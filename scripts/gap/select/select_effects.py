@@ -59,9 +59,8 @@ def verdict(problem, effects=(), candidates=None, fixed=(), budget=BUDGET, threa
     moving = problem.moving(search, outcome.twin) if outcome.verdict == "unexplained" and not problem.draws else None
     if moving is None:
         return found
-    with_motion = _verdict(
-        moving, effects, candidates, fixed, budget, threads, progress, None
-    )  # the store is the other's
+    # What is stored is of photographs at rest
+    with_motion = _verdict(moving, effects, candidates, fixed, budget, threads, progress, None)
     left = sum(with_motion[-1].twin.excess.values())
     return with_motion if left < (1 - MOST) * sum(outcome.twin.excess.values()) else found
 
